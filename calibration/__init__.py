@@ -1,0 +1,12 @@
+"""Stage 1: photos of a calibration board become a `CameraModel`.
+
+Conventions, the same everywhere in the project:
+
+* Camera axes are OpenCV's: x right, y down, z forward, along the optical axis.
+* Pixel (0, 0) is the centre of the top-left pixel, so an image w pixels wide covers -0.5 to w - 0.5.
+* `K` is 3 x 3 in pixels; `distortion` is in OpenCV's order (k1, k2, p1, p2, k3, ...), or
+  (k1, k2, k3, k4) for a fisheye lens.
+* A sigma is one standard deviation. Lengths are metres and angles radians unless a name says otherwise.
+
+This package never imports `pipeline`.
+"""

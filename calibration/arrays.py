@@ -1,0 +1,32 @@
+"""Arrays as records hold them: float64, checked once, read-only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+
+def frozen(value: npt.ArrayLike, shape: tuple[int | None, ...], name: str, dtype: Any = np.float64) -> Any:
+    """A read-only copy of `value` as `dtype`; None in `shape` allows any length.
+
+    Raises ValueError where the shape does not fit: a programmer's mistake, not a user's.
+    """
+    array = np.array(value, dtype=dtype)
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+    ):
+        raise ValueError(f"{name}: shape {array.shape}, expected {tuple('n' if s is None else s for s in shape)}")
+    array.setflags(write=False)
+    return array
+
+
+def settle(record: object, **values: object) -> None:
+    """Set fields of a frozen dataclass; for its own `__post_init__` only."""
+    for name, value in values.items():
+        object.__setattr__(record, name, value)

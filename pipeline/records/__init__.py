@@ -1,0 +1,28 @@
+"""The frozen nouns that flow between the stages.
+
+Each record is a keyword-only frozen dataclass of read-only float64 arrays, checked once when it is made. Missing
+values are NaN, never zero. Nothing here reads a file, prints or computes more than a view of its own fields.
+"""
+
+from pipeline.records.motion import Motion, Trajectory
+from pipeline.records.poses import InstrumentSigma, PoseTrack
+from pipeline.records.problem import CameraInput, Problem, SolverSettings, TargetInput
+from pipeline.records.rays import SightRays
+from pipeline.records.solution import (
+    Bias,
+    Clock,
+    Finding,
+    OffsetCandidate,
+    Sightings,
+    Solution,
+    SolveStatus,
+)
+from pipeline.records.tracks import LOST, REACQUIRED, STATE_NAMES, TRACKED, Box, ImageTrack
+from pipeline.records.truth import Truth
+
+__all__ = [
+    "LOST", "REACQUIRED", "STATE_NAMES", "TRACKED",
+    "Bias", "Box", "CameraInput", "Clock", "Finding", "ImageTrack", "InstrumentSigma", "Motion", "OffsetCandidate",
+    "PoseTrack", "Problem", "SightRays", "Sightings", "Solution", "SolveStatus", "SolverSettings", "TargetInput",
+    "Trajectory", "Truth",
+]  # fmt: skip

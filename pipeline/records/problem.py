@@ -1,0 +1,79 @@
+"""What the solver is asked: sight rays, measured poses, clocks' first guesses, priors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+from calibration.arrays import Floats
+from pipeline.records.motion import MotionKind
+from pipeline.records.poses import InstrumentSigma, PoseTrack
+from pipeline.records.rays import SightRays
+
+ClockKind = Literal["auto", "affine", "drift"]
+Method = Literal["triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map"]
+Robust = Literal["none", "huber", "cauchy"]
+METHODS: tuple[Method, ...] = ("triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map")
+
+PoseAt = Callable[[Floats], PoseTrack]
+"""Video-to-log shift (n,) seconds, one per frame of the PoseTrack, -> the poses at the moved times."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraInput:
+    """One camera as the solver gets it.
+
+    rays        all its sightings
+    poses       a measured pose for every frame that `rays` names (and only those)
+    frame_rate  alpha as given, Hz; frame-equivalent of a video time tau is tau * frame_rate
+    offset_s    first guess of beta; None: searched for
+    sigma       priors
+    clock       which clock model
+    still       the pose is one constant pose (a tripod)
+    poses_at    the measured poses at moved log times, where they came from a log; else None
+    """
+
+    camera: str
+    rays: SightRays
+    poses: PoseTrack
+    frame_rate: float
+    offset_s: float | None = None
+    sigma: InstrumentSigma = field(default_factory=InstrumentSigma)
+    clock: ClockKind = "auto"
+    still: bool = False
+    poses_at: PoseAt | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetInput:
+    """One target: its name and how it may move. `order` "auto" lets the data say."""
+
+    target: str
+    motion: MotionKind = "polynomial"
+    order: int | Literal["auto"] = "auto"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """Everything stage 4 needs. The reference camera's clock is common time: its offset and frame rate are held."""
+
+    cameras: tuple[CameraInput, ...]
+    targets: tuple[TargetInput, ...]
+    reference_camera: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverSettings:
+    """How to solve.
+
+    refine_frame_rate  false holds every frame rate at its given value
+    robust             loss of `map`
+    search_s           how far offsets are searched, plus and minus, where nothing is known
+    """
+
+    method: Method = "map"
+    refine_frame_rate: bool = True
+    robust: Robust = "huber"
+    max_iterations: int = 100
+    search_s: float = 120.0

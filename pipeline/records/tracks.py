@@ -1,0 +1,72 @@
+"""Where a target was in the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from calibration.arrays import Bools, Floats, Ints, frozen, settle
+
+TRACKED, REACQUIRED, LOST = 0, 1, 2
+STATE_NAMES = ("tracked", "reacquired", "lost")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A box drawn by a person: left edge, top edge, width, height in pixels, on one frame.
+
+    The left edge of pixel 0 is at 0 here, as drawing tools count it, so the box's centre in image coordinates
+    (where pixel 0's centre is 0) is x + width / 2 - 0.5.
+    """
+
+    frame: int
+    x: float
+    y: float
+    width: float
+    height: float
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Centre in image coordinates: pixel (0, 0) is the centre of the top-left pixel."""
+        return self.x + self.width / 2 - 0.5, self.y + self.height / 2 - 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImageTrack:
+    """One target in one camera, a row per frame from the first box on (or per detection made elsewhere).
+
+    frame     (n,) strictly increasing
+    time_s    (n,) video time: the container's timestamp, counted from frame 0
+    xy_px     (n, 2) centre; NaN while lost
+    sigma_px  (n,) per axis; NaN while lost
+    state     (n,) TRACKED, REACQUIRED (first fix after a loss) or LOST
+    """
+
+    camera: str
+    target: str
+    frame: Ints
+    time_s: Floats
+    xy_px: Floats
+    sigma_px: Floats
+    state: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        n = len(self.frame)
+        frame = frozen(self.frame, (n,), "frame", np.int64)
+        if np.any(np.diff(frame) <= 0):
+            raise ValueError(f"track of {self.target} in {self.camera}: frames must increase")
+        settle(
+            self,
+            frame=frame,
+            time_s=frozen(self.time_s, (n,), "time_s"),
+            xy_px=frozen(self.xy_px, (n, 2), "xy_px"),
+            sigma_px=frozen(self.sigma_px, (n,), "sigma_px"),
+            state=frozen(self.state, (n,), "state", np.int64),
+        )
+
+    @property
+    def seen(self) -> Bools:
+        """(n,) true where there is a fix."""
+        return np.asarray((self.state != LOST) & np.isfinite(self.xy_px).all(axis=1))
