@@ -8,6 +8,7 @@ from pipeline.records.motion import Motion, Trajectory
 from pipeline.records.poses import InstrumentSigma, PoseTrack
 from pipeline.records.problem import CameraInput, Problem, SolverSettings, TargetInput
 from pipeline.records.rays import SightRays
+from pipeline.records.results import Comparison, Results
 from pipeline.records.solution import (
     Bias,
     Clock,
@@ -21,8 +22,29 @@ from pipeline.records.tracks import LOST, REACQUIRED, STATE_NAMES, TRACKED, Box,
 from pipeline.records.truth import Truth
 
 __all__ = [
-    "LOST", "REACQUIRED", "STATE_NAMES", "TRACKED",
-    "Bias", "Box", "CameraInput", "Clock", "Finding", "ImageTrack", "InstrumentSigma", "Motion", "OffsetCandidate",
-    "PoseTrack", "Problem", "SightRays", "Sightings", "Solution", "SolveStatus", "SolverSettings", "TargetInput",
-    "Trajectory", "Truth",
-]  # fmt: skip
+    "LOST",
+    "REACQUIRED",
+    "STATE_NAMES",
+    "TRACKED",
+    "Bias",
+    "Box",
+    "CameraInput",
+    "Clock",
+    "Comparison",
+    "Finding",
+    "ImageTrack",
+    "InstrumentSigma",
+    "Motion",
+    "OffsetCandidate",
+    "PoseTrack",
+    "Problem",
+    "Results",
+    "SightRays",
+    "Sightings",
+    "Solution",
+    "SolveStatus",
+    "SolverSettings",
+    "TargetInput",
+    "Trajectory",
+    "Truth",
+]
