@@ -1,1 +1,14 @@
-"""flight"""
+"""The flight file: TOML in, one validated immutable `Flight` out. Unknown keys are refused, nothing is guessed."""
+
+from pipeline.flight.read import read_flight
+from pipeline.flight.settings import CameraSettings, Flight, MountSettings, SolveSettings, StillPose, TargetSettings
+
+__all__ = [
+    "CameraSettings",
+    "Flight",
+    "MountSettings",
+    "SolveSettings",
+    "StillPose",
+    "TargetSettings",
+    "read_flight",
+]

@@ -1,0 +1,101 @@
+"""What a flight file says, in SI units and radians; `None` where it says nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from pipeline.geometry.geodesy import Geodetic
+from pipeline.records import Box
+from pipeline.records.motion import MotionKind
+from pipeline.records.problem import ClockKind, Method, Robust
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillPose:
+    """A camera that stands still: ENU metres, and yaw, pitch, roll of the FRD body that looks along its axis."""
+
+    position_enu_m: Vector
+    yaw_rad: float
+    pitch_rad: float
+    roll_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MountSettings:
+    """Camera to body: fixed FRD angles, or `gimbal`: read from the log."""
+
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+    gimbal: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSettings:
+    """One `[cameras.NAME]` table. Paths are absolute. `sigma` holds only the keys that were given, in SI units."""
+
+    name: str
+    calibration: Path
+    video: Path | None = None
+    tracks: Path | None = None
+    telemetry: Path | None = None
+    pose: StillPose | None = None
+    start: float | str | None = None
+    frame_rate: float | None = None
+    offset_s: float | None = None
+    clock: ClockKind = "auto"
+    mount: MountSettings = MountSettings()
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    sigma: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetSettings:
+    """One `[targets.NAME]` table; `boxes` by camera."""
+
+    name: str
+    motion: MotionKind = "polynomial"
+    order: int | Literal["auto"] = "auto"
+    boxes: Mapping[str, Box] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolveSettings:
+    """The `[solve]` table."""
+
+    method: Method = "map"
+    frame_rate: Literal["refine", "fixed"] = "refine"
+    robust: Robust = "huber"
+    rate_hz: float = 10.0
+    search_s: float = 120.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """A whole flight file.
+
+    path              of the file; errors name it
+    origin            of the ENU frame, or None: the first position of the first log
+    reference_camera  whose clock is common time
+    """
+
+    path: Path
+    title: str
+    origin: Geodetic | None
+    reference_camera: str
+    cameras: tuple[CameraSettings, ...]
+    targets: tuple[TargetSettings, ...]
+    solve: SolveSettings = SolveSettings()
+
+    def camera(self, name: str) -> CameraSettings:
+        """The settings of one camera."""
+        return next(c for c in self.cameras if c.name == name)
+
+    def key(self, camera: str, key: str) -> str:
+        """Where a camera's key stands, for messages."""
+        return f"{self.path}: cameras.{camera}.{key}"
