@@ -21,6 +21,14 @@ class RunningFixError(Exception):
         self.where, self.seen, self.expected, self.advice = where, seen, expected, advice
         super().__init__(f"{where}: {seen}; expected {expected}. Try: {advice}")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """So that an error crosses from a worker process whole."""
+        return _again, (type(self), self.where, self.seen, self.expected, self.advice)
+
+
+def _again(kind: type[RunningFixError], where: str, seen: str, expected: str, advice: str) -> RunningFixError:
+    return kind(where=where, seen=seen, expected=expected, advice=advice)
+
 
 class UsageError(RunningFixError):
     """The command line or the configuration is wrong."""
@@ -38,3 +46,9 @@ class WriteError(RunningFixError):
     """A result could not be written."""
 
     exit_code = 6
+
+
+class CalibrationError(RunningFixError):
+    """The photos are readable, but they cannot determine the camera."""
+
+    exit_code = 5

@@ -1,1 +1,25 @@
-"""stages"""
+"""What composes the rooms: a flight file becomes tracks, poses, a problem, a solution and its files.
+
+Each stage is a function of the flight and of what came before; `run` chains them and resumes where it was stopped.
+"""
+
+from pipeline.stages.poses import MeasuredPoses, measure_poses
+from pipeline.stages.problem import build_problem, sight_rays
+from pipeline.stages.results import gather_results
+from pipeline.stages.run import RunSummary, run_flight, run_poses, run_solve, run_track
+from pipeline.stages.tracks import read_tracks, track_camera
+
+__all__ = [
+    "MeasuredPoses",
+    "RunSummary",
+    "build_problem",
+    "gather_results",
+    "measure_poses",
+    "read_tracks",
+    "run_flight",
+    "run_poses",
+    "run_solve",
+    "run_track",
+    "sight_rays",
+    "track_camera",
+]

@@ -1,0 +1,64 @@
+"""The commands that take a flight file: track, poses, solve, run."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.cli.console import Console
+from pipeline.errors import DID_NOT_CONVERGE
+from pipeline.flight import read_flight
+from pipeline.stages import RunSummary, run_flight, run_poses, run_solve, run_track
+
+ACTIONS = {"track": run_track, "poses": run_poses, "solve": run_solve, "run": run_flight}
+FIGURES = ("status", "method", "iterations", "cost", "chi_square", "degrees_of_freedom", "message")
+
+
+def run(arguments: Namespace, console: Console) -> int:
+    """Does what `arguments.command` says; 0, or 7 where the solver did not converge."""
+    flight, out = read_flight(arguments.flight), arguments.output
+    if getattr(arguments, "method", None):
+        flight = replace(flight, solve=replace(flight.solve, method=arguments.method))
+    console.detail(f"{arguments.command}: {len(flight.cameras)} cameras, {len(flight.targets)} targets -> {out}")
+    summary = ACTIONS[arguments.command](flight, out, progress=console.progress)
+    for warning in summary.warnings:
+        console.say(f"note: {warning}")
+    solved = arguments.command in ("solve", "run")
+    report = {**machine_summary(summary, out, solved=solved), "command": arguments.command}
+    console.result(report, words(report, out))
+    return DID_NOT_CONVERGE if solved and report["status"] != "converged" else 0
+
+
+def machine_summary(summary: RunSummary, out: Path, *, solved: bool) -> dict[str, Any]:
+    """The summary that `--json` prints."""
+    found: dict[str, Any] = {"status": "done"}
+    if solved:
+        solution = json.loads((out / "solution.json").read_text())
+        found |= {key: solution[key] for key in FIGURES}
+        found["findings"] = solution.get("findings", [])
+    return found | {
+        "seconds": {name: round(value, 6) for name, value in summary.seconds.items()},
+        "skipped": list(summary.skipped),
+        "warnings": list(summary.warnings),
+        "files": [str(out / name) for name in summary.files],
+    }
+
+
+def words(report: dict[str, Any], out: Path) -> str:
+    """The same for people."""
+    lines = []
+    if report["status"] != "done":
+        lines.append(
+            f"{report['method']}: {report['status']} after {report['iterations']} iterations, chi-square "
+            f"{report['chi_square']:.1f} for {report['degrees_of_freedom']} degrees of freedom. {report['message']}"
+        )
+        lines += [f"  {finding['words']}" for finding in report["findings"]]
+    if report["skipped"]:
+        lines.append(f"already finished: {', '.join(report['skipped'])}")
+    lines.append(f"{len(report['files'])} files in {out}")
+    if (out / "report.html").exists() and report["status"] != "done":
+        lines.append(f"look at {out / 'report.html'}")
+    return "\n".join(lines)

@@ -1,0 +1,186 @@
+"""Tracks, poses and camera models become the `Problem` that the solver is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.arrays import Ints
+from calibration.camera import CameraModel, pixel_from_ray, unproject
+from calibration.camera_files import read_camera
+from pipeline.errors import GeometryError, InputFileError, UsageError
+from pipeline.flight import Flight
+from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
+from pipeline.stages.poses import MeasuredPoses
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BuiltProblem:
+    """The problem, and what was left out on the way: one sentence each."""
+
+    problem: Problem
+    models: Mapping[str, CameraModel]
+    notes: tuple[str, ...]
+
+
+def read_models(flight: Flight) -> dict[str, CameraModel]:
+    """The camera model of every camera."""
+    return {camera.name: read_camera(camera.calibration) for camera in flight.cameras}
+
+
+def sight_rays(
+    model: CameraModel, camera: str, tracks: Sequence[ImageTrack], targets: tuple[str, ...]
+) -> tuple[SightRays, int]:
+    """The sight rays of one camera (paper eq. 4 before R), and how many fixes no direction maps to."""
+    frame = np.concatenate([t.frame[t.seen] for t in tracks])
+    target = np.concatenate([np.full(t.seen.sum(), targets.index(t.target)) for t in tracks])
+    order = np.lexsort((target, frame))
+    time, pixel, sigma = (
+        np.concatenate([getattr(t, name)[t.seen] for t in tracks])[order] for name in ("time_s", "xy_px", "sigma_px")
+    )
+    direction = unproject(model, pixel)
+    good = np.isfinite(direction).all(axis=1)
+    rays = SightRays(
+        camera=camera,
+        targets=targets,
+        target=target[order][good],
+        frame=frame[order][good],
+        time_s=time[good],
+        direction_cam=direction[good],
+        pixel_from_ray=pixel_from_ray(model, direction[good]),
+        sigma_px=sigma[good],
+    )
+    return rays, int((~good).sum())
+
+
+def build_problem(
+    flight: Flight, tracks: Sequence[ImageTrack], measured: Sequence[MeasuredPoses], models: Mapping[str, CameraModel]
+) -> BuiltProblem:
+    """The problem of a flight.
+
+    Raises InputFileError where a fix lies outside of its image, GeometryError where no target is left.
+    """
+    targets = _targets(flight, tracks)
+    names = tuple(t.target for t in targets)
+    inputs, notes = [], []
+    for pose in measured:
+        own = [t for t in tracks if t.camera == pose.camera and t.target in names and t.seen.any()]
+        if not own:
+            notes.append(f"camera {pose.camera} sees no target and takes no part")
+            continue
+        _check_inside(flight, models[pose.camera], own)
+        rays, lost = sight_rays(models[pose.camera], pose.camera, own, names)
+        if lost:
+            notes.append(f"{pose.camera}: {lost} fixes left out, the lens model maps no direction to them")
+        inputs.append(_camera(flight, pose, rays, measured))
+    _check_common(flight, inputs)
+    problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)
+    return BuiltProblem(problem=problem, models=models, notes=tuple(notes))
+
+
+def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput, ...]:
+    seen = dict.fromkeys(t.target for t in tracks if t.seen.any())
+    if flight.targets:
+        chosen = [t for t in flight.targets if t.name in seen]
+        if not chosen:
+            raise UsageError(
+                where=f"{flight.path}: targets",
+                seen=f"{', '.join(t.name for t in flight.targets)}, none of which any track holds",
+                expected=f"names of tracked targets ({', '.join(seen) or 'there are none'})",
+                advice="use the names of the target column, or leave [targets] out to take them all",
+            )
+        return tuple(TargetInput(target=t.name, motion=t.motion, order=t.order) for t in chosen)
+    if not seen:
+        raise GeometryError(
+            where=str(flight.path),
+            seen="no target was seen in any camera",
+            expected="at least one track with fixes",
+            advice="look at tracks.csv: were all targets lost?",
+        )
+    return tuple(TargetInput(target=name) for name in seen)
+
+
+def _check_inside(flight: Flight, model: CameraModel, tracks: Sequence[ImageTrack]) -> None:
+    width, height = model.image_size
+    if not width or not height:
+        return
+    for track in tracks:
+        xy = track.xy_px
+        margin = 0.5 * np.array([width, height])
+        out = track.seen & ((xy < -margin) | (xy > np.array([width, height]) + margin)).any(axis=1)
+        if out.any():
+            row = int(np.flatnonzero(out)[0])
+            camera = flight.camera(track.camera)
+            raise InputFileError(
+                where=f"{camera.tracks or camera.video}: target {track.target}, frame {track.frame[row]}",
+                seen=f"({xy[row, 0]:.1f}, {xy[row, 1]:.1f}) px",
+                expected=f"a place in the {width} x {height} image that {camera.calibration.name} was made for",
+                advice="check that calibration and tracks are of the same camera, and of the same image size",
+            )
+
+
+def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]) -> CameraInput:
+    settings = flight.camera(pose.camera)
+    base = _poses_of(flight, pose, np.unique(rays.frame))
+    offset = settings.offset_s
+    reference = next(m for m in measured if m.camera == flight.reference_camera)
+    if offset is None and pose.utc_s is not None and reference.utc_s is not None:
+        offset = pose.utc_s - reference.utc_s
+    return CameraInput(
+        camera=pose.camera,
+        rays=rays,
+        poses=base,
+        frame_rate=pose.frame_rate,
+        offset_s=0.0 if pose.camera == flight.reference_camera else offset,
+        sigma=pose.sigma,
+        clock=settings.clock,
+        still=pose.still,
+        poses_at=None if pose.poses_at is None else pose.poses_at(base),
+    )
+
+
+def _poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:
+    have = pose.poses
+    row = np.clip(np.searchsorted(have.frame, frame), 0, len(have.frame) - 1)
+    missing = have.frame[row] != frame
+    if missing.any():
+        raise InputFileError(
+            where=flight.key(pose.camera, "telemetry"),
+            seen=f"no pose for frame {frame[missing][0]} ({int(missing.sum())} of {len(frame)} frames in all)",
+            expected="a pose for every frame in which a target was seen",
+            advice="check that tracks, video and poses belong to the same flight",
+        )
+    return PoseTrack(
+        camera=have.camera,
+        frame=frame,
+        time_s=have.time_s[row],
+        position_enu_m=have.position_enu_m[row],
+        enu_from_cam=have.enu_from_cam[row],
+    )
+
+
+def _check_common(flight: Flight, inputs: Sequence[CameraInput]) -> None:
+    """Refuses cameras that nothing ties together: zero targets in common."""
+    if not any(c.camera == flight.reference_camera for c in inputs):
+        raise GeometryError(
+            where=f"{flight.path}: flight.reference_camera",
+            seen=f"camera {flight.reference_camera} sees no target",
+            expected="a reference camera with fixes, since its clock is common time",
+            advice="choose another reference_camera",
+        )
+    seen = {c.camera: {c.rays.targets[i] for i in np.unique(c.rays.target)} for c in inputs}
+    tied, grown = {flight.reference_camera}, True
+    while grown:
+        known = set().union(*(seen[c] for c in tied))
+        more = {c for c in seen if seen[c] & known} - tied
+        tied, grown = tied | more, bool(more)
+    for camera, own in seen.items():
+        if camera not in tied:
+            raise GeometryError(
+                where=f"{flight.path}: cameras.{camera}",
+                seen=f"it sees {', '.join(sorted(own))}, and no camera tied to {flight.reference_camera} sees any of them",
+                expected="at least one target in common",
+                advice="name the same vehicle alike in both cameras' boxes or tracks",
+            )
