@@ -1,0 +1,219 @@
+"""solution.json: everything that was found, with its covariance, and what could not be known.
+
+Angles in degrees, everything else SI; covariances in the squares of the units beside them. null: not determined.
+Nothing of the run itself (no clock time, no duration) is in it, so the same flight gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from calibration.arrays import Floats
+from pipeline.export.cells import utc_texts
+from pipeline.records import Bias, Clock, Motion, Results, Solution
+
+FORMAT = 1
+"""Of solution.json; grows when a reader of the old one would be misled."""
+
+
+def solution_json(results: Results) -> str:
+    """The solution as JSON text, numbers exact (covariances to 9 digits), arrays of numbers on one line each."""
+    return dumps(_document(results)) + "\n"
+
+
+def dumps(value: Any) -> str:
+    """JSON text of plain values, arrays and records' mappings; NaN and infinities become null.
+
+    Raises TypeError for anything that has no plain form: a programmer's mistake.
+    """
+    return _laid_out(plain(value), "")
+
+
+def plain(value: Any) -> Any:
+    """`value` in JSON's own types."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    if isinstance(value, Sequence):
+        return [plain(item) for item in value]
+    raise TypeError(f"{type(value).__name__} has no plain form in a file")
+
+
+def correlation(covariance: Floats) -> Floats:
+    """Correlations (n, n) of a covariance; NaN beside a variance of zero."""
+    sigma = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(covariance / np.outer(sigma, sigma))
+
+
+def polynomial(motion: Motion) -> dict[str, Any]:
+    """The paper's coefficients a_k, b_k, c_k (eq. 10) about the middle of the motion, with their covariance.
+
+    covariance is (3 (K + 1),) squared, ordered a_0, b_0, c_0, a_1, ...; None where it was not determined.
+    """
+    epoch = 0.5 * (motion.start_s + motion.end_s)
+    k = motion.degree
+    return {
+        "epoch_s": epoch,
+        "meaning": "position_enu_m = sum of row k times (t - epoch_s)^k, row k in m/s^k",
+        "coefficients": short(motion.power_coefficients(epoch), 12),
+        "covariance": None if motion.covariance_band is None else short(_power_covariance(motion, epoch, k)),
+    }
+
+
+def short(values: Floats, digits: int = 9) -> Floats:
+    """`values`, any shape, to so many significant digits; below those, machines may differ."""
+    flat = [float(f"{v:.{digits}g}") for v in np.ravel(values).tolist()]
+    return np.array(flat).reshape(np.shape(values))
+
+
+def _document(results: Results) -> dict[str, Any]:
+    s = results.solution
+    return {
+        "format": FORMAT,
+        "title": results.title,
+        "versions": dict(sorted(results.versions.items())),
+        "inputs_sha256": dict(sorted(results.inputs.items())),
+        "settings": results.settings,
+        "solver_settings": s.settings,
+        "method": s.method,
+        "status": s.status,
+        "message": s.message,
+        "iterations": s.iterations,
+        "cost": s.cost,
+        "chi_square": s.chi_square,
+        "degrees_of_freedom": s.degrees_of_freedom,
+        "observations": len(s.sightings.frame),
+        "frame": _frame(results),
+        "clocks": [_clock(c) for c in s.clocks],
+        "biases": [_bias(b) for b in s.biases],
+        "motions": [_motion(m, s) for m in s.motions],
+        "shared": _shared(s),
+        "offset_candidates": [{"offset_s": c.offset_s, "cost": c.cost} for c in s.offset_candidates],
+        "findings": [
+            {"kind": f.kind, "subject": f.subject, "words": f.words, "carried_by": f.carried_by} for f in s.findings
+        ],
+        "warnings": results.warnings,
+    }
+
+
+def _frame(results: Results) -> dict[str, Any]:
+    origin, utc = results.origin, results.utc_s
+    place = origin and {
+        "latitude_deg": round(math.degrees(origin.lat_rad), 12),
+        "longitude_deg": round(math.degrees(origin.lon_rad), 12),
+        "ellipsoidal_height_m": origin.height_m,
+    }
+    return {
+        "axes": "local east, north, up in metres on WGS84",
+        "origin": place,
+        "utc_at_common_time_0": None if utc is None else utc_texts(utc, np.zeros(1))[0],
+    }
+
+
+def _clock(clock: Clock) -> dict[str, Any]:
+    told: dict[str, Any] = {
+        "camera": clock.camera,
+        "offset_s": clock.offset_s,
+        "offset_sigma_s": clock.offset_sigma_s,
+        "frame_rate": clock.frame_rate,
+        "frame_rate_sigma": clock.frame_rate_sigma,
+        "nominal_rate": clock.nominal_rate,
+        "drifts": clock.deviation_frame is not None,
+    }
+    if clock.deviation_frame is not None:
+        told["deviation_frame"] = clock.deviation_frame
+        told["deviation_s"] = clock.deviation_s
+        told["deviation_sigma_s"] = clock.deviation_sigma_s
+    return told
+
+
+def _bias(bias: Bias) -> dict[str, Any]:
+    return {
+        "camera": bias.camera,
+        "rotation_deg": short(np.degrees(bias.rotation_rad), 12),
+        "rotation_sigma_deg": short(np.degrees(bias.rotation_sigma_rad)),
+        "position_m": bias.position_m,
+        "position_sigma_m": bias.position_sigma_m,
+        "focal_scale": bias.focal_scale,
+        "focal_scale_sigma": bias.focal_scale_sigma,
+    }
+
+
+def _motion(motion: Motion, solution: Solution) -> dict[str, Any]:
+    robust = next((m for m in solution.motions_robust if m.target == motion.target), None)
+    told: dict[str, Any] = {
+        "target": motion.target,
+        "kind": motion.kind,
+        "degree": motion.degree,
+        "start_s": motion.start_s,
+        "end_s": motion.end_s,
+        "knots_s": motion.knots_s,
+        "coefficients_enu_m": motion.coefficients,
+        "covariance_band": _band(motion),
+    }
+    if robust is not None:
+        told["covariance_band_robust"] = _band(robust)
+    if motion.kind == "polynomial":
+        told["polynomial"] = polynomial(motion)
+    return told
+
+
+def _band(motion: Motion) -> list[Any] | None:
+    """Element [i][j] holds the covariance of coefficient i with i + j, row by row (ee, en, eu, ne, ...)."""
+    if motion.covariance_band is None:
+        return None
+    p, width = motion.covariance_band.shape[:2]
+    return [[block.tolist() for block in row] for row in short(motion.covariance_band).reshape(p, width, 9)]
+
+
+def _power_covariance(motion: Motion, epoch_s: float, degree: int) -> Floats:
+    """Covariance of the power coefficients: each is linear in the spline's, its k-th derivative over k!."""
+    if motion.covariance_band is None:
+        raise ValueError("no covariance to turn")
+    p = degree + 1
+    basis = BSpline(motion.knots_s, np.eye(p), degree)
+    power_from_spline = np.array([basis(epoch_s, nu=k) / math.factorial(k) for k in range(p)])
+    full = np.zeros((p, p, 3, 3))
+    for i in range(p):
+        for j in range(p - i):
+            full[i, i + j] = motion.covariance_band[i, j]
+            full[i + j, i] = motion.covariance_band[i, j].T
+    turned = np.einsum("ai,ijxy,bj->axby", power_from_spline, full, power_from_spline)
+    return np.asarray(turned.reshape(3 * p, 3 * p))
+
+
+def _shared(solution: Solution) -> dict[str, Any]:
+    told: dict[str, Any] = {"names": solution.shared_names, "covariance": None, "correlation": None}
+    if solution.shared_covariance is not None:
+        told["sigma"] = short(np.sqrt(np.diag(solution.shared_covariance)))
+        told["covariance"] = short(solution.shared_covariance)
+        told["correlation"] = np.round(correlation(solution.shared_covariance), 6) + 0.0
+    if solution.shared_covariance_robust is not None:
+        told["covariance_robust"] = short(solution.shared_covariance_robust)
+    return told
+
+
+def _laid_out(value: Any, indent: str) -> str:
+    """JSON text of plain values: what holds other containers is broken into lines, a row of scalars is not."""
+    inner = indent + " "
+    if isinstance(value, dict) and value:
+        parts = [f"{json.dumps(key, ensure_ascii=False)}: {_laid_out(item, inner)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(inner + part for part in parts) + f"\n{indent}}}"
+    if isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        return "[\n" + ",\n".join(inner + _laid_out(item, inner) for item in value) + f"\n{indent}]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,60 @@
+"""Values as the files show them: exact or sensibly rounded, missing ones as empty cells, times as ISO-8601 UTC.
+
+exact        the shortest decimal that reads back as the same float64
+rounded      so many decimals; trailing zeros fall away
+significant  so many significant digits, for what spans orders of magnitude (variances)
+fixed        always so many decimals, never an exponent: XML's `decimal` knows none
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from calibration.arrays import Floats
+
+Cell = str | int | float
+
+
+def exact(values: Floats) -> list[Cell]:
+    """Cells of (n,) numbers that read back bit for bit."""
+    return ["" if math.isnan(v) else v for v in np.asarray(values, float).tolist()]
+
+
+def rounded(values: Floats, decimals: int) -> list[Cell]:
+    """Cells of (n,) numbers with at most so many decimals."""
+    return ["" if math.isnan(v) else round(v, decimals) + 0.0 for v in np.asarray(values, float).tolist()]
+
+
+def significant(values: Floats, digits: int) -> list[Cell]:
+    """Cells of (n,) numbers with at most so many significant digits."""
+    return ["" if math.isnan(v) else float(f"{v:.{digits}g}") for v in np.asarray(values, float).tolist()]
+
+
+def fixed(value: float, decimals: int) -> str:
+    """`value` with exactly so many decimals; no minus before zero."""
+    text = f"{value:.{decimals}f}"
+    return text[1:] if text.startswith("-") and float(text) == 0 else text
+
+
+def table(header: Sequence[str], columns: Sequence[Iterable[Any]]) -> str:
+    """Comma-separated text of equally long columns."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(zip(*columns, strict=True))
+    return out.getvalue()
+
+
+def utc_texts(utc_at_zero_s: float, time_s: Floats) -> list[str]:
+    """ISO-8601 UTC of common times (n,), to the microsecond, as 2025-03-01T12:00:00.100000Z.
+
+    Both are rounded to whole microseconds before they are added: a double of POSIX seconds resolves 0.24 us only.
+    """
+    micros = round(utc_at_zero_s * 1e6) + np.rint(np.asarray(time_s, float) * 1e6).astype(np.int64)
+    return [f"{text}Z" for text in np.datetime_as_string(micros.astype("datetime64[us]"), unit="us").tolist()]

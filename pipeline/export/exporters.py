@@ -1,0 +1,112 @@
+"""Which files a solved flight leaves, one exporter each; and the edge that writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibration.files import write_whole
+from pipeline.errors import WriteError
+from pipeline.export.as_czml import czml
+from pipeline.export.as_geojson import geojson
+from pipeline.export.as_gpx import gpx
+from pipeline.export.as_json import solution_json
+from pipeline.export.as_kml import kml
+from pipeline.export.as_poses import poses_csv
+from pipeline.export.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
+from pipeline.export.as_tracks import tracks_csv
+from pipeline.export.as_tum import tum, tum_of_others
+from pipeline.records import Results
+
+NO_ORIGIN = "the flight is on no map: no log knows where it was; give origin = { lat, lon, height } under [flight]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exporter:
+    """One file of a run.
+
+    file_name  in the output folder
+    text       its content from the results; None where there is nothing to tell
+    absent     why there may be nothing, in words
+    on_map     whether it needs the flight's origin
+    """
+
+    file_name: str
+    text: Callable[[Results], str | None]
+    absent: str = ""
+    on_map: bool = False
+
+
+def _poses(results: Results) -> str:
+    return poses_csv(results.measured_poses, results.solution.poses)
+
+
+EXPORTS: tuple[Exporter, ...] = (
+    Exporter(file_name="tracks.csv", text=lambda results: tracks_csv(results.tracks)),
+    Exporter(file_name="poses.csv", text=_poses),
+    Exporter(file_name="timing.csv", text=timing_csv),
+    Exporter(file_name="clock.csv", text=clock_csv, absent="no clock drifts"),
+    Exporter(file_name="trajectory.csv", text=trajectory_csv),
+    Exporter(file_name="sightings.csv", text=sightings_csv),
+    Exporter(file_name="solution.json", text=solution_json),
+    Exporter(file_name="trajectory.geojson", text=geojson, on_map=True),
+    Exporter(file_name="trajectory.kml", text=kml, on_map=True),
+    Exporter(file_name="trajectory.czml", text=czml, on_map=True),
+    Exporter(file_name="trajectory.gpx", text=gpx, on_map=True),
+    Exporter(file_name="trajectory.tum", text=tum, absent="no target has a trajectory"),
+)
+"""Every file of a run but report.html."""
+
+
+def export_all(results: Results) -> dict[str, str]:
+    """File name -> content of all that the results have; the map formats only where there is an origin."""
+    files: dict[str, str] = {}
+    for exporter in EXPORTS:
+        text = None if _off_map(exporter, results) else exporter.text(results)
+        if text is not None:
+            files[exporter.file_name] = text
+    return files | tum_of_others(results)
+
+
+def not_exported(results: Results) -> dict[str, str]:
+    """File name -> why it is missing, in words, for every exporter that `export_all` left out."""
+    reasons: dict[str, str] = {}
+    for exporter in EXPORTS:
+        if _off_map(exporter, results):
+            reasons[exporter.file_name] = NO_ORIGIN
+        elif exporter.absent and exporter.text(results) is None:
+            reasons[exporter.file_name] = exporter.absent
+    return reasons
+
+
+def write_exports(results: Results, folder: Path) -> tuple[Path, ...]:
+    """Write `export_all` into `folder`, each file whole or not at all; returns the files written.
+
+    What an earlier run left there of the files in `not_exported` is taken away: it would belong to another answer.
+
+    Raises WriteError where the folder cannot be written.
+    """
+    written = []
+    for name, text in export_all(results).items():
+        write_whole(folder / name, text)
+        written.append(folder / name)
+    for name in not_exported(results):
+        _remove(folder / name)
+    return tuple(written)
+
+
+def _off_map(exporter: Exporter, results: Results) -> bool:
+    return exporter.on_map and results.origin is None
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(
+            where=str(path),
+            seen=f"an older result that cannot be removed ({error.strerror})",
+            expected="a writable folder",
+            advice="choose another -o folder",
+        ) from None
