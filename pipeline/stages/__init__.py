@@ -4,9 +4,10 @@ Each stage is a function of the flight and of what came before; `run` chains the
 """
 
 from pipeline.stages.poses import MeasuredPoses, measure_poses
-from pipeline.stages.problem import build_problem, sight_rays
+from pipeline.stages.problem import build_problem, read_models, sight_rays
 from pipeline.stages.results import gather_results
 from pipeline.stages.run import RunSummary, run_flight, run_poses, run_solve, run_track
+from pipeline.stages.sources import open_sources
 from pipeline.stages.tracks import read_tracks, track_camera
 
 __all__ = [
@@ -15,6 +16,8 @@ __all__ = [
     "build_problem",
     "gather_results",
     "measure_poses",
+    "open_sources",
+    "read_models",
     "read_tracks",
     "run_flight",
     "run_poses",

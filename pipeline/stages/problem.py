@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from calibration.camera_files import read_camera
 
 from calibration.arrays import Ints
 from calibration.camera import CameraModel, pixel_from_ray, unproject
-from calibration.camera_files import read_camera
 from pipeline.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import Flight
 from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
@@ -180,7 +180,7 @@ def _check_common(flight: Flight, inputs: Sequence[CameraInput]) -> None:
         if camera not in tied:
             raise GeometryError(
                 where=f"{flight.path}: cameras.{camera}",
-                seen=f"it sees {', '.join(sorted(own))}, and no camera tied to {flight.reference_camera} sees any of them",
+                seen=f"it sees {', '.join(sorted(own))}, which no camera tied to {flight.reference_camera} sees",
                 expected="at least one target in common",
                 advice="name the same vehicle alike in both cameras' boxes or tracks",
             )
