@@ -16,7 +16,7 @@ TRACK_COLUMNS = ("camera", "target", "frame", "time_s", "x_px", "y_px", "sigma_p
 
 
 def tracks_csv(tracks: Sequence[ImageTrack]) -> str:
-    """The table of `tracks`, one after the other: pixels, seconds of video time. A track without rows leaves nothing."""
+    """The table of `tracks`, one after the other: pixels, seconds of video time. Empty tracks leave nothing."""
     columns: list[list[Cell]] = [[] for _ in TRACK_COLUMNS]
     for track in tracks:
         n = len(track.frame)

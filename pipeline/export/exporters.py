@@ -1,4 +1,7 @@
-"""Which files a solved flight leaves, one exporter each; and the edge that writes them."""
+"""Which files a solved flight leaves, one exporter each; and the edge that writes them.
+
+tracks.csv and poses.csv are not among them: the stages before `solve` own those.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,7 @@ from pipeline.export.as_geojson import geojson
 from pipeline.export.as_gpx import gpx
 from pipeline.export.as_json import solution_json
 from pipeline.export.as_kml import kml
-from pipeline.export.as_poses import poses_csv
 from pipeline.export.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
-from pipeline.export.as_tracks import tracks_csv
 from pipeline.export.as_tum import tum, tum_of_others
 from pipeline.records import Results
 
@@ -38,13 +39,7 @@ class Exporter:
     on_map: bool = False
 
 
-def _poses(results: Results) -> str:
-    return poses_csv(results.measured_poses, results.solution.poses)
-
-
 EXPORTS: tuple[Exporter, ...] = (
-    Exporter(file_name="tracks.csv", text=lambda results: tracks_csv(results.tracks)),
-    Exporter(file_name="poses.csv", text=_poses),
     Exporter(file_name="timing.csv", text=timing_csv),
     Exporter(file_name="clock.csv", text=clock_csv, absent="no clock drifts"),
     Exporter(file_name="trajectory.csv", text=trajectory_csv),
@@ -56,7 +51,7 @@ EXPORTS: tuple[Exporter, ...] = (
     Exporter(file_name="trajectory.gpx", text=gpx, on_map=True),
     Exporter(file_name="trajectory.tum", text=tum, absent="no target has a trajectory"),
 )
-"""Every file of a run but report.html."""
+"""Every file that `solve` leaves, but for poses.csv and report.html."""
 
 
 def export_all(results: Results) -> dict[str, str]:
