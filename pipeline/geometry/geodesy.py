@@ -80,3 +80,11 @@ def enu_axes_turn(place: Geodetic, origin: Geodetic) -> Floats:
     The earth's curvature turns the vertical by 0.009 degrees per kilometre.
     """
     return np.asarray(enu_from_ecef_matrix(origin) @ enu_from_ecef_matrix(place).T)
+
+
+def enu_axes_turn_many(places: Floats, origin: Geodetic) -> Floats:
+    """Rotations (n, 3, 3) of ENU axes at places (n, 3) (latitude, longitude, height) into ENU axes at `origin`."""
+    lat, lon = np.asarray(places, float)[:, :2].T
+    sa, ca, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    rows = np.array([[-so, co, np.zeros_like(so)], [-sa * co, -sa * so, ca], [ca * co, ca * so, sa]])
+    return np.asarray(enu_from_ecef_matrix(origin) @ np.moveaxis(rows, (0, 1), (2, 1)))

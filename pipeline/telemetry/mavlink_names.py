@@ -1,0 +1,18 @@
+"""The MAVLink messages that camera poses are made of."""
+
+WANTED = (
+    "HEARTBEAT",
+    "SYSTEM_TIME",
+    "GLOBAL_POSITION_INT",
+    "GPS_RAW_INT",
+    "GPS2_RAW",
+    "AHRS2",
+    "ATTITUDE",
+    "ATTITUDE_QUATERNION",
+    "GIMBAL_DEVICE_ATTITUDE_STATUS",
+    "MOUNT_ORIENTATION",
+    "MOUNT_STATUS",
+    "CAMERA_IMAGE_CAPTURED",
+    "CAMERA_FEEDBACK",
+    "CAMERA_TRIGGER",
+)
