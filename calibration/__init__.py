@@ -10,3 +10,9 @@ Conventions, the same everywhere in the project:
 
 This package never imports `pipeline`.
 """
+
+from calibration.board import Board, parse_board
+from calibration.camera import CameraModel
+from calibration.camera_files import camera_json, read_camera, write_camera
+
+__all__ = ["Board", "CameraModel", "camera_json", "parse_board", "read_camera", "write_camera"]
