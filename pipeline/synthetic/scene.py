@@ -150,17 +150,32 @@ class Bridge:
         return np.asarray(inside & (share > 0) & (share < 1))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Road:
+    """A road on the ground: its centre line (n, 2) in east and north metres, and its width."""
+
+    line_m: Floats
+    width_m: float
+
+    def __post_init__(self) -> None:
+        settle(self, line_m=frozen(self.line_m, (None, 2), "line_m"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Landscape:
-    """What is drawn around the targets, in ENU metres.
+    """What is drawn around the targets, in ENU metres; the ground is the plane up = 0.
 
     half_size_m  of the textured square around (0, 0)
+    texel_m      size of one pixel of that texture
     seed         of fields, trees and wear
+    roads        all of them, those under the targets too
     bridge       over a road, or None
     """
 
     half_size_m: float
+    texel_m: float
     seed: int
+    roads: tuple[Road, ...] = ()
     bridge: Bridge | None = None
 
 
