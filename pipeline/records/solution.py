@@ -117,10 +117,14 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class OffsetCandidate:
-    """One answer of the global search: an offset per camera and the cost (half chi-square) it reaches."""
+    """One answer of the global search: an offset per camera and the cost (half chi-square) it reaches.
+
+    frame_rate  alpha per camera, Hz, that goes with the offsets: a start from one without the other is far off
+    """
 
     offset_s: Mapping[str, float]
     cost: float
+    frame_rate: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
