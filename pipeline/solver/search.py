@@ -1,0 +1,238 @@
+"""Global search of time offsets: nothing known of the clocks, no start needed.
+
+Common time of camera c is t = s_c tau + beta_c with tau its video time and s_c = nominal rate / alpha_c (paper eq. 2).
+Cameras are set one after the other, the reference first, then always the one that shares most sightings with those
+already set (so a camera that shares no target with the reference is reached through others). For each:
+
+    1. sweep   a cost for every offset and rate on a grid; its local minima
+    2. polish  each minimum downhill together with all cameras set so far: clocks, constant rotations and shifts
+    3. keep    the few best whole hypotheses (beam)
+
+Two costs do this: `search_crossing` needs no model of the motion (splines, long flights), `search_polynomial` fits the
+motion, which is linear once time is known (variable projection), and gets far more out of short noisy flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import GeometryError
+from pipeline.records import CameraInput, OffsetCandidate, Problem, SolverSettings
+from pipeline.solver.search_crossing import ClockPrior, Fit
+from pipeline.solver.search_crossing import polish as polish_crossing
+from pipeline.solver.search_sweep import ClockGuess, ClockRange, SetCamera, sweep
+from pipeline.solver.search_views import View, views
+
+GUESSES = 6
+"""Minima of the sweep that are polished."""
+BEAM = 4
+"""Whole hypotheses that are carried on."""
+KEPT = 6
+"""Candidates that are returned, at most."""
+SAME_S = 0.25
+"""Clocks closer than this at mid-track are one candidate."""
+WIDEST_STRETCH = 0.1
+NEAR_S = 10.0
+"""How far a given offset without a sigma is trusted."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cost:
+    """One way to judge clocks: coarse guesses for a new camera, and the polishing of a whole hypothesis."""
+
+    sweep: Callable[[View, Sequence[SetCamera], ClockRange, int], tuple[ClockGuess, ...]]
+    polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None]], Fit]
+
+
+def search_offsets(
+    problem: Problem, settings: SolverSettings, *, progress: Progress | None = None
+) -> tuple[OffsetCandidate, ...]:
+    """Time offsets and frame rates of every camera, best first; several, so that a near tie can be seen and said.
+
+    Offsets are looked for within +- `settings.search_s` where nothing is known of them, else within five sigmas of
+    the camera's `offset_s`; frame rates within 10 % of the given ones unless they are held. Sign: t = f / alpha + beta
+    (paper eq. 2), beta 0 for the reference camera. Costs are half chi-squares of the same sightings and compare with
+    each other, not with the cost of a solution. `progress` is called with the share done, 0 to 1.
+
+    Raises GeometryError where a camera shares no target, or no time, with the others.
+    """
+    seen = views(problem)
+    order = setting_order(problem, seen)
+    priors = {c.camera: _prior(c, settings, problem.reference_camera) for c in problem.cameras}
+    beam = [Fit(clock={problem.reference_camera: (0.0, 1.0)}, cost=0.0)]
+    others: list[tuple[str, tuple[float, float]]] = []
+    for done, name in enumerate(order[1:], start=1):
+        beam = _extended(problem, seen, priors, beam, name, CROSSING)
+        best = beam[0]
+        others += [(name, fit.clock[name]) for fit in beam[1:] if _apart(fit, best, seen)]
+        beam = _worth_carrying(beam)
+        if progress is not None:
+            progress(done / (len(order) - 1))
+    rates = {c.camera: c.frame_rate for c in problem.cameras}
+    found = _distinct([*beam, *_alternatives(beam[0], others, seen, priors, order, CROSSING)], seen)[:KEPT]
+    return tuple(_candidate(fit, rates, problem) for fit in found)
+
+
+CROSSING = _Cost(sweep=sweep, polish=polish_crossing)
+
+
+def setting_order(problem: Problem, seen: Mapping[str, View]) -> list[str]:
+    """Names of all cameras, the reference first, each sharing targets with one before it, most sightings first.
+
+    Raises GeometryError where a camera cannot be reached.
+    """
+    order = [problem.reference_camera]
+    waiting = [c.camera for c in problem.cameras if c.camera != problem.reference_camera]
+    while waiting:
+        shared = {name: _shared_sightings(seen[name], [seen[o] for o in order]) for name in waiting}
+        best = max(waiting, key=lambda name: shared[name])
+        if shared[best] == 0:
+            raise _nothing_shared(best, order, seen)
+        order.append(best)
+        waiting.remove(best)
+    return order
+
+
+def _shared_sightings(new: View, placed: Sequence[View]) -> int:
+    return sum(
+        min(len(track), max((len(p.tracks[target]) for p in placed if target in p.tracks), default=0))
+        for target, track in new.tracks.items()
+    )
+
+
+def _nothing_shared(camera: str, placed: Sequence[str], seen: Mapping[str, View]) -> GeometryError:
+    sees = ", ".join(seen[camera].tracks) or "nothing (at least four sightings of a target are needed)"
+    others = ", ".join(sorted({t for name in placed for t in seen[name].tracks})) or "nothing"
+    return GeometryError(
+        where=f"camera {camera}",
+        seen=f"it sees {sees}, while {', '.join(placed)} see {others}",
+        expected="at least one target in common, directly or through a third camera",
+        advice="mark a common target in both videos (same target name), or leave the camera out",
+    )
+
+
+def _no_overlap(camera: str, placed: Sequence[str], allowed: ClockRange) -> GeometryError:
+    return GeometryError(
+        where=f"camera {camera}",
+        seen=f"no offset from {allowed.low_s:.1f} s to {allowed.high_s:.1f} s lets it see a target at a time when "
+        f"{', '.join(placed)} see it",
+        expected="sightings of a common target that overlap in time",
+        advice="give offset_s, or search further, or track the target for longer",
+    )
+
+
+def _prior(camera: CameraInput, settings: SolverSettings, reference: str) -> ClockPrior | None:
+    """What is known of a clock; None for the reference, whose clock is common time."""
+    if camera.camera == reference:
+        return None
+    sigma = camera.sigma
+    free = settings.refine_frame_rate and sigma.frame_rate > 0
+    stretch = min(WIDEST_STRETCH, 20 * sigma.frame_rate) if free else 0.0
+    width = settings.search_s
+    offset_sigma = None
+    if camera.offset_s is not None:
+        offset_sigma = None if sigma.offset_s is None else max(sigma.offset_s, 1e-4)
+        width = NEAR_S if offset_sigma is None else max(5 * offset_sigma, 0.05)
+    middle = camera.offset_s or 0.0
+    return ClockPrior(
+        offset_s=middle,
+        offset_sigma_s=offset_sigma,
+        stretch_sigma=sigma.frame_rate if free else 1e-7,
+        allowed=ClockRange(low_s=middle - width, high_s=middle + width, stretch=stretch),
+    )
+
+
+def _extended(
+    problem: Problem,
+    seen: Mapping[str, View],
+    priors: Mapping[str, ClockPrior | None],
+    beam: Sequence[Fit],
+    name: str,
+    cost: _Cost,
+) -> list[Fit]:
+    """Every hypothesis with camera `name` added in every promising way, best first."""
+    prior = priors[name]
+    assert prior is not None
+    grown: list[Fit] = []
+    for fit in beam:
+        placed = [SetCamera(view=seen[c], offset_s=o, stretch=s) for c, (o, s) in fit.clock.items()]
+        for guess in cost.sweep(seen[name], placed, prior.allowed, GUESSES):
+            clocks = {**fit.clock, name: (guess.offset_s, guess.stretch)}
+            grown.append(_polished(clocks, seen, priors, cost))
+    grown = [fit for fit in grown if _within(fit, name, prior.allowed, seen[name])]
+    if not grown:
+        raise _no_overlap(name, list(beam[0].clock), prior.allowed)
+    return _distinct(grown, seen)
+
+
+def _polished(
+    clocks: Mapping[str, tuple[float, float]],
+    seen: Mapping[str, View],
+    priors: Mapping[str, ClockPrior | None],
+    cost: _Cost,
+) -> Fit:
+    return cost.polish([seen[c] for c in clocks], list(clocks.values()), [priors[c] for c in clocks])
+
+
+def _within(fit: Fit, name: str, allowed: ClockRange, view: View) -> bool:
+    """Whether polishing left the clock where it may be, give or take a tenth."""
+    offset, stretch = fit.clock[name]
+    slack = 0.1 * (allowed.high_s - allowed.low_s) / 2 + 0.1 * allowed.stretch * max(abs(t) for t in view.span_s)
+    in_time = allowed.low_s - slack <= offset <= allowed.high_s + slack
+    return in_time and abs(stretch - 1) <= 1.2 * allowed.stretch + 1e-6 and fit.overlap > 0
+
+
+def _distinct(fits: Sequence[Fit], seen: Mapping[str, View]) -> list[Fit]:
+    """Best first, without those that say the same as a better one."""
+    kept: list[Fit] = []
+    for fit in sorted(fits, key=lambda f: f.cost):
+        if all(_apart(fit, other, seen) for other in kept):
+            kept.append(fit)
+    return kept
+
+
+def _apart(one: Fit, other: Fit, seen: Mapping[str, View]) -> bool:
+    """Whether two hypotheses differ in the common time of some camera's mid-track."""
+    for name, (offset, stretch) in one.clock.items():
+        middle = 0.5 * sum(seen[name].span_s)
+        if abs(offset + stretch * middle - other.clock[name][0] - other.clock[name][1] * middle) > SAME_S:
+            return True
+    return False
+
+
+def _worth_carrying(beam: Sequence[Fit]) -> list[Fit]:
+    """The hypotheses that further cameras could still make the best."""
+    margin = max(30.0, 0.5 * beam[0].cost)
+    return [fit for fit in beam if fit.cost <= beam[0].cost + margin][:BEAM]
+
+
+def _alternatives(
+    best: Fit,
+    others: Sequence[tuple[str, tuple[float, float]]],
+    seen: Mapping[str, View],
+    priors: Mapping[str, ClockPrior | None],
+    order: Sequence[str],
+    cost: _Cost,
+) -> list[Fit]:
+    """The best hypothesis with one camera's clock replaced by another answer that its own search gave."""
+    found = []
+    for camera, clock in others:
+        if len(best.clock) > 2 and camera != order[-1]:
+            found.append(_polished({**best.clock, camera: clock}, seen, priors, cost))
+        elif len(best.clock) == 2:
+            found.append(_polished({order[0]: (0.0, 1.0), camera: clock}, seen, priors, cost))
+    return found
+
+
+def _candidate(fit: Fit, rates: Mapping[str, float], problem: Problem) -> OffsetCandidate:
+    names = [c.camera for c in problem.cameras]
+    return OffsetCandidate(
+        offset_s={n: fit.clock[n][0] for n in names},
+        frame_rate={n: rates[n] / fit.clock[n][1] for n in names},
+        cost=float(np.float64(fit.cost)),
+    )

@@ -1,0 +1,214 @@
+"""Coarse search of one camera's clock against cameras whose clocks are set: every offset, every rate, no start.
+
+Two rays of one target at one instant meet (paper eq. 6 with two cameras):
+
+    f = (C_b - C_a) . (d_a x d_b) = 0,   residual e = f / sigma_f
+
+with sigma_f from the angles' and centres' sigmas to first order (Sampson). Each of some hundred sightings m of the new
+camera is held against the set cameras at every instant k of a grid of common time: a table of losses L[m, k]. A clock
+t = T + s (tau_m - tau_mid) is a straight line through that table, so the cost of all offsets at one stretch s is a sum
+of shifted rows. The loss is bounded,
+
+    rho(e) = k^2/2 * e^2 / (e^2 + k^2),
+
+and a sighting that a clock leaves without partner is charged what a random partner costs on average: overlap is
+earned, and a clock under which nothing overlaps wins nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from calibration.arrays import Floats, Ints
+from pipeline.solver.search_views import Track, View, thinned
+
+CAP = 3.0
+"""k of the bounded loss, in sigmas."""
+SAMPLES = 600
+"""Sightings of the new camera that are swept."""
+LONGEST = 8000
+"""Instants in the grid of common time, at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockRange:
+    """Where a clock may lie: offset beta within [low, high], stretch s = nominal rate / alpha within 1 +- `stretch`."""
+
+    low_s: float
+    high_s: float
+    stretch: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockGuess:
+    """A clock t = stretch * tau + offset, and what it costs."""
+
+    offset_s: float
+    stretch: float
+    cost: float = 0.0
+
+
+def bounded(residual: Floats) -> Floats:
+    """Half the squared residual where it is small, at most CAP^2 / 2."""
+    square = residual**2
+    return np.asarray(0.5 * CAP**2 * square / (square + CAP**2))
+
+
+def crossing_residual(
+    baseline_m: Floats, ray_a: Floats, ray_b: Floats, sigma_a: Floats, sigma_b: Floats, shift_m: float
+) -> Floats:
+    """e (...,) in sigmas of rays (..., 3) a distance `baseline_m` = C_b - C_a apart; inf where they meet behind."""
+    normal = np.cross(ray_a, ray_b)
+    to_a, to_b = np.cross(baseline_m, ray_a), np.cross(baseline_m, ray_b)
+    squared = (normal**2).sum(-1)
+    lever_a = (to_b**2).sum(-1) - (to_b * ray_a).sum(-1) ** 2
+    lever_b = (to_a**2).sum(-1) - (to_a * ray_b).sum(-1) ** 2
+    variance = lever_a * sigma_a**2 + lever_b * sigma_b**2 + squared * shift_m**2
+    residual = (baseline_m * normal).sum(-1) / np.sqrt(variance + 1e-30)
+    clear = squared > 9 * (sigma_a**2 + sigma_b**2)
+    behind = clear & (((to_b * normal).sum(-1) < 0) | ((to_a * normal).sum(-1) < 0))
+    return np.where(behind, np.inf, residual)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SetCamera:
+    """A camera whose clock is set: t = stretch * tau + offset."""
+
+    view: View
+    offset_s: float
+    stretch: float
+
+
+def sweep(new: View, placed: Sequence[SetCamera], allowed: ClockRange, keep: int) -> tuple[ClockGuess, ...]:
+    """The best clocks of `new` against `placed`, at most `keep`, well apart, best first; none where nothing overlaps."""
+    shared = [t for t in new.tracks if any(t in p.view.tracks for p in placed)]
+    step = _grid_step(new, shared)
+    samples = _samples(new, shared)
+    if not samples:
+        return ()
+    begin, end = _common_span(placed, shared)
+    step = max(step, (end - begin) / LONGEST)
+    grid = np.arange(begin, end + step, step)
+    loss = np.concatenate([_loss_table(new, placed, t, track, grid) for t, track in samples])
+    time = np.concatenate([track.time_s for _, track in samples])
+    known = np.isfinite(loss)
+    if not known.any():
+        return ()
+    null = float(loss[known].mean())
+    return _lines(np.where(known, loss - null, 0.0), time, begin, step, allowed, keep, null)
+
+
+def _grid_step(new: View, shared: Sequence[str]) -> float:
+    """Seconds in which a ray turns by about its own sigma."""
+    steps = []
+    for target in shared:
+        track = thinned(new.tracks[target], 0.1, 4000)
+        turn = np.linalg.norm(np.diff(track.ray, axis=0), axis=1) / np.diff(track.time_s)
+        sigma = np.sqrt(np.median(track.pixel_rad) ** 2 + new.tilt_rad**2 + new.tilt_noise_rad**2)
+        steps.append(0.7 * sigma / max(float(np.percentile(turn, 80)), 1e-9))
+    return float(np.clip(min(steps), 0.04, 0.25))
+
+
+def _samples(new: View, shared: Sequence[str]) -> list[tuple[str, Track]]:
+    most = max(SAMPLES // max(len(shared), 1), 60)
+    return [(t, thinned(new.tracks[t], 0.1, most)) for t in shared]
+
+
+def _common_span(placed: Sequence[SetCamera], shared: Sequence[str]) -> tuple[float, float]:
+    ends = [
+        p.stretch * np.array([track.time_s[0], track.time_s[-1]]) + p.offset_s
+        for p in placed
+        for target, track in p.view.tracks.items()
+        if target in shared
+    ]
+    return float(min(e[0] for e in ends)), float(max(e[1] for e in ends))
+
+
+def _loss_table(new: View, placed: Sequence[SetCamera], target: str, track: Track, grid: Floats) -> Floats:
+    """Mean loss (m, k) of each sighting at each instant against the placed cameras that see the target then."""
+    total = np.zeros((len(track), len(grid)), np.float32)
+    count = np.zeros(len(grid), np.float32)
+    for other in placed:
+        if target not in other.view.tracks:
+            continue
+        partner = other.view.tracks[target]
+        at = partner.at((grid - other.offset_s) / other.stretch)
+        seen = np.flatnonzero(at.holds)
+        if len(seen) == 0:
+            continue
+        count[seen] += 1
+        sigma_a = np.sqrt(partner.pixel_rad[at.near[seen]] ** 2 + other.view.tilt_rad**2 + other.view.tilt_noise_rad**2)
+        sigma_b = np.sqrt(track.pixel_rad**2 + new.tilt_rad**2 + new.tilt_noise_rad**2)
+        shift = np.sqrt(sum(v.shift_m**2 + v.shift_noise_m**2 for v in (new, other.view)))
+        for m in range(0, len(track), 32):
+            rows = slice(m, m + 32)
+            residual = crossing_residual(
+                track.centre_m[rows, None] - at.centre_m[None, seen],
+                np.broadcast_to(at.ray[None, seen], (len(track.ray[rows]), len(seen), 3)),
+                track.ray[rows, None],
+                sigma_a[None],
+                sigma_b[rows, None],
+                float(shift),
+            )
+            with np.errstate(invalid="ignore"):
+                lost = bounded(residual)
+            total[rows, seen] += np.where(np.isfinite(residual), lost, CAP**2 / 2)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _lines(
+    gain: Floats, time_s: Floats, begin_s: float, step_s: float, allowed: ClockRange, keep: int, null: float
+) -> tuple[ClockGuess, ...]:
+    """Sums of `gain` (m, k) along the straight lines of all allowed clocks; the lowest, apart from each other."""
+    middle = 0.5 * (time_s.min() + time_s.max())
+    half = max(0.5 * float(np.ptp(time_s)), step_s)
+    count = int(np.ceil(allowed.stretch / (2 * step_s / half)))
+    stretches = 1 + (np.linspace(-allowed.stretch, allowed.stretch, 2 * count + 1) if count else np.zeros(1))
+    costs, offsets = [], []
+    for stretch in stretches:
+        first = int(np.floor((stretch * middle + allowed.low_s - begin_s) / step_s))
+        last = int(np.ceil((stretch * middle + allowed.high_s - begin_s) / step_s))
+        costs.append(_shifted_sums(gain, np.round(stretch * (time_s - middle) / step_s).astype(int), first, last))
+        offsets.append(begin_s + step_s * np.arange(first, last + 1) - stretch * middle)
+    return _basins(costs, offsets, stretches, middle, step_s, keep, null * len(time_s))
+
+
+def _shifted_sums(gain: Floats, lag: Ints, first: int, last: int) -> Floats:
+    """Sum over m of gain[m, lag_m + s] for every s from `first` to `last`; zero outside of the table."""
+    total = np.zeros(last - first + 1)
+    width = gain.shape[1]
+    for m, shift in enumerate(lag):
+        low, high = max(first + shift, 0), min(last + shift, width - 1)
+        if low <= high:
+            total[low - shift - first : high - shift - first + 1] += gain[m, low : high + 1]
+    return total
+
+
+def _basins(
+    costs: Sequence[Floats],
+    offsets: Sequence[Floats],
+    stretches: Floats,
+    middle_s: float,
+    step_s: float,
+    keep: int,
+    base: float,
+) -> tuple[ClockGuess, ...]:
+    """The local minima, over the common time at mid-track, of the lowest cost of any stretch; best first."""
+    cost = np.concatenate(costs)
+    offset = np.concatenate(offsets)
+    stretch = np.repeat(stretches, [len(c) for c in costs])
+    bins = np.round((offset + stretch * middle_s) / step_s).astype(np.int64)
+    bins -= bins.min()
+    profile = np.full(bins.max() + 1, np.inf)
+    np.minimum.at(profile, bins, cost)
+    around = minimum_filter1d(profile, 2 * max(int(1.0 / step_s), 1) + 1)
+    lowest = (profile == around) & (profile < 0)
+    is_best = lowest[bins] & (cost == profile[bins])
+    best = np.flatnonzero(is_best)[np.argsort(cost[is_best], kind="stable")][:keep]
+    return tuple(
+        ClockGuess(offset_s=float(offset[i]), stretch=float(stretch[i]), cost=float(base + cost[i])) for i in best
+    )
