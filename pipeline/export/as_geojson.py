@@ -35,7 +35,7 @@ def geojson(results: Results) -> str:
     for path in target_paths(results):
         features.append(_target(path, sampled[path.name], results))
     for path in camera_paths(results):
-        times = _times(path.time_s, results.utc_s)
+        times = {} if path.still else _times(path.time_s, results.utc_s)
         features.append(_feature(line_or_point(path.place), {"kind": "camera", "name": path.name} | times))
     for path in target_paths(results):
         features.extend(_points(sampled[path.name], results))

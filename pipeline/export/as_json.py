@@ -193,8 +193,10 @@ def _power_covariance(motion: Motion, epoch_s: float, degree: int) -> Floats:
         for j in range(p - i):
             full[i, i + j] = motion.covariance_band[i, j]
             full[i + j, i] = motion.covariance_band[i, j].T
-    turned = np.einsum("ai,ijxy,bj->axby", power_from_spline, full, power_from_spline)
-    return np.asarray(turned.reshape(3 * p, 3 * p))
+    turned = np.einsum("ai,ijxy,bj->axby", power_from_spline, full, power_from_spline).reshape(3 * p, 3 * p)
+    sigma = np.sqrt(np.diag(turned))
+    noise = np.abs(turned) < 1e-12 * np.outer(sigma, sigma)
+    return np.where(noise, 0.0, 0.5 * (turned + turned.T))
 
 
 def _shared(solution: Solution) -> dict[str, Any]:

@@ -148,17 +148,18 @@ def _parse(path: Path, text: str, expected: str) -> tuple[list[int], list[str], 
 
 def _check_header(path: Path, header: list[str], needed: Sequence[str], optional: Sequence[str], expected: str) -> None:
     where, seen = f"{path}, header", f"the columns {', '.join(header)}"
+    foreign = [name for name in header if name not in needed and name not in optional]
     for name in (n for n in needed if n not in header):
         advice = f"add the column {name}"
+        for close in difflib.get_close_matches(name, foreign, n=1, cutoff=0.3):
+            advice = f"rename the column {close} to {name}"
         if len(header) == 1:
             advice = "separate the columns by commas, and begin with their names"
-        for close in difflib.get_close_matches(name, header, n=1, cutoff=0.3):
-            advice = f"rename the column {close} to {name}" if len(header) > 1 else advice
         raise InputFileError(where=where, seen=seen, expected=expected, advice=advice)
     for name in (n for n in header if header.count(n) > 1):
         raise InputFileError(where=where, seen=f"{name} twice", expected=expected, advice="keep one of them")
     absent = [name for name in optional if name not in header]
-    for name in (n for n in header if n not in needed and n not in optional):
+    for name in foreign:
         for close in difflib.get_close_matches(name, absent, n=1, cutoff=0.7):
             advice = f"rename the column {name} to {close}, or to something else if it is not that"
             raise InputFileError(where=where, seen=f"an unknown column {name}", expected=expected, advice=advice)
