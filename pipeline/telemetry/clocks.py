@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from calibration.arrays import Bools, Floats, Ints
 from pipeline.telemetry.flight_log import ClockFit
 
 REBOOT_S = 10.0
 """A boot clock that falls back by more than this was started anew; less is a packet that came late."""
+LARGEST_STEP_S = 60.0
 UNKNOWN_BREAK_S = 3600.0
 """Log time between two boots of a vehicle where no other clock tells how long it was off."""
 MAX_DRIFT = 2e-3
@@ -44,10 +46,18 @@ def utc_from_gps(week: Floats, week_s: Floats) -> Floats:
     return np.asarray(GPS_EPOCH_S + gps_s - np.searchsorted(LEAP_SECONDS, gps_s, side="right"))
 
 
+def settled(time_s: Floats) -> Floats:
+    """Times (n,) of messages in the order of the file, NaN where a time is a minute off from all around it."""
+    if len(time_s) < 5:
+        return time_s
+    around = median_filter(time_s, size=7, mode="nearest")
+    return np.where(np.abs(time_s - around) < LARGEST_STEP_S, time_s, np.nan)
+
+
 def fit_clock(
     source: str, log_s: Floats, other_s: Floats, *, tolerance_s: float = 1.0, floor_s: float = 0.0
 ) -> ClockFit | None:
-    """The `other` clock against log time from pairs of readings (n,); None without a finite pair.
+    """The `other` clock against log time from pairs of readings (n,); None where no majority of them agrees.
 
     `tolerance_s` separates readings from lies; `floor_s` is the least sigma that the source deserves.
     """
@@ -59,12 +69,13 @@ def fit_clock(
     x, y = log - log_epoch, other - epoch
     rate, offset = 1.0, float(np.median(y - x))
     good = np.abs(y - x - offset) < tolerance_s + MAX_DRIFT * np.abs(x)
+    if 2 * good.sum() <= len(good):
+        return None
     if good.sum() >= 10 and np.ptp(x[good]) > 30.0:
         slope = np.polyfit(x[good], y[good] - x[good], 1)[0]
         rate = 1.0 + float(slope) if abs(slope) < MAX_DRIFT else 1.0
-    if good.any():
-        offset = float(np.median((y - rate * x)[good]))
-    scatter = float(np.median(np.abs((y - rate * x)[good] - offset))) * 1.4826 if good.any() else tolerance_s
+    offset = float(np.median((y - rate * x)[good]))
+    scatter = 1.4826 * float(np.median(np.abs((y - rate * x)[good] - offset)))
     return ClockFit(
         source=source,
         epoch_s=epoch + offset,
@@ -127,7 +138,7 @@ def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
         previous = slice(0, first)
         shift.append(_shift_after(log[previous], record_s[previous], boot_s[first:stop], record_s[first:stop]))
         log[first:stop] += shift[-1]
-    record = fit_clock("recorder", log, record_s, tolerance_s=2.0) if np.isfinite(record_s).any() else None
+    record = fit_clock("recorder", log, record_s, tolerance_s=2.0)
     return BootClock(
         place=place,
         log_s=np.maximum.accumulate(log) if len(log) else log,

@@ -25,7 +25,7 @@ from pipeline.telemetry.flight_log import (
 )
 from pipeline.telemetry.gimbal_frames import yaw_is_earth
 from pipeline.telemetry.heights import Undulation, on_ellipsoid, undulation_of
-from pipeline.telemetry.series import attitude_series, denser, gimbal_series, position_series
+from pipeline.telemetry.series import attitude_series, denser, gimbal_series, median_of, position_series
 from pipeline.telemetry.tables import MessageTable, RawLog
 
 GPS_MESSAGES = ("GPS_RAW_INT", "GPS2_RAW")
@@ -306,16 +306,10 @@ def _accuracy(vehicle: _Vehicle) -> Accuracy:
         if table is None or "h_acc" not in table:
             continue
         fixed = table.floats("fix_type") >= 3
-        horizontal, vertical = (_median(table.floats(f)[fixed] / 1000, 100.0) for f in ("h_acc", "v_acc"))
+        horizontal, vertical = (median_of(table.floats(f)[fixed] / 1000, 100.0) for f in ("h_acc", "v_acc"))
         yaw = table.floats("yaw")[fixed]
         dual = np.isfinite(yaw) & (yaw != 0) & (yaw != 65535)
-        heading = _median(np.radians(table.floats("hdg_acc")[fixed][dual] / 1e5), 1.0)
+        heading = median_of(np.radians(table.floats("hdg_acc")[fixed][dual] / 1e5), 1.0)
         if np.isfinite([horizontal, vertical]).any():
             return Accuracy(horizontal_m=horizontal, vertical_m=vertical, heading_rad=heading, source=name)
     return Accuracy()
-
-
-def _median(value: Floats, most: float) -> float:
-    """Median of the values that say something (above 0, at most `most`); NaN where none does."""
-    said = value[(value > 0) & (value <= most)]
-    return float(np.median(said)) if len(said) else float("nan")

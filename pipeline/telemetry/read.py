@@ -5,12 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.errors import InputFileError
+from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
+from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.flight_log import FlightLog
+from pipeline.telemetry.mapped_file import mapped
 from pipeline.telemetry.mavlink_plain import read_mavlink_plain
 from pipeline.telemetry.mavlink_poses import mavlink_flight
 from pipeline.telemetry.tables import Progress
+from pipeline.telemetry.ulog import read_ulog
 
-KNOWN = ".tlog, .mavlink"
+KNOWN = ".tlog, .mavlink, .bin, .log, .ulg"
+DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95", b"ULog"
 
 
 def read_log(path: Path, *, system: int | None = None, progress: Progress = None) -> FlightLog:
@@ -20,9 +25,15 @@ def read_log(path: Path, *, system: int | None = None, progress: Progress = None
 
     Raises InputFileError where the file is missing, of no known kind, or holds no vehicle.
     """
-    kind = path.suffix.lower()
-    if kind in (".tlog", ".mavlink"):
+    kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:16])
+    if kind in (".tlog", ".mavlink", ".mav"):
         return mavlink_flight(read_mavlink_plain(path, progress=progress), system=system)
+    if kind == ".ulg" or head.startswith(ULOG_HEAD):
+        return read_ulog(path, progress=progress)
+    if kind == ".bin" or head.startswith(DATAFLASH_HEAD):
+        return dataflash_flight(read_dataflash(path, progress=progress))
+    if kind == ".log":
+        return dataflash_flight(read_dataflash_text(path, progress=progress))
     raise InputFileError(
         where=str(path),
         seen=f"a file named {kind or 'without ending'}",

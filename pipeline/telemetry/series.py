@@ -56,6 +56,12 @@ def denser(first: MessageTable | None, second: MessageTable | None) -> MessageTa
     return second if len(second) > 2 * len(first) else first
 
 
+def median_of(value: Floats, most: float) -> float:
+    """Median of the values that say something (above 0, at most `most`); NaN where none does."""
+    said = value[(value > 0) & (value <= most)]
+    return float(np.median(said)) if len(said) else float("nan")
+
+
 def _unit(q: Floats) -> Floats:
     length = np.linalg.norm(q, axis=-1, keepdims=True)
     good = np.abs(length - 1) < 0.05

@@ -1,0 +1,202 @@
+"""From DataFlash messages to a FlightLog.
+
+Times are TimeUS (or TimeMS) since boot, except in GPS of old firmware, where TimeMS is the GPS week's and T the boot's.
+Heights in POS, GPS, AHR2 are above mean sea level. Quaternions (XKQ, NKQ1) turn the autopilot's axes, so the board's
+trim is taken out of them: ned_from_body = ned_from_board * board_from_body(-trim); ATT already has it out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.arrays import Floats
+from pipeline.geometry import rotation
+from pipeline.telemetry.clocks import fit_clock, plausible_utc, settled, utc_from_gps
+from pipeline.telemetry.flight_log import Accuracy, AttitudeSeries, ClockFit, FlightLog, GimbalSeries, PositionSeries
+from pipeline.telemetry.heights import Undulation, on_ellipsoid, undulation_of
+from pipeline.telemetry.series import attitude_series, denser, gimbal_series, median_of, position_series
+from pipeline.telemetry.tables import MessageTable, RawLog
+
+POSITION_MESSAGES = ("POS", "GPS", "AHR2")
+GPS_UTC_FLOOR_S = 0.2
+"""A receiver's message is logged when it has arrived and been parsed, 0.1 to 0.2 s after the moment it speaks of."""
+TRIM_NAMES = ("AHRS_TRIM_X", "AHRS_TRIM_Y", "AHRS_TRIM_Z")
+
+
+def dataflash_flight(raw: RawLog) -> FlightLog:
+    """What a DataFlash log says of its vehicle."""
+    position, notes = _position(raw)
+    gimbal, gimbal_notes = _gimbal(raw)
+    events, source = _camera_events(raw)
+    return FlightLog(
+        path=raw.path,
+        format=raw.format,
+        counts=raw.counts,
+        corrupt_packets=raw.corrupt_packets,
+        position=position,
+        attitude=_attitude(raw),
+        gimbal=gimbal,
+        camera_event_s=events,
+        camera_event_source=source,
+        utc=_utc(raw),
+        accuracy=_accuracy(raw),
+        notes=(*raw.notes, *notes, *gimbal_notes),
+    )
+
+
+def time_of(table: MessageTable) -> Floats:
+    """Log time (n,): seconds since boot; NaN where the message has none or its neighbours deny it."""
+    if table.name == "GPS" and "T" in table:
+        return settled(table.floats("T") / 1e3)
+    if "TimeUS" in table:
+        return settled(table.floats("TimeUS") / 1e6)
+    return settled(table.floats("TimeMS") / 1e3)
+
+
+def _first(table: MessageTable | None) -> MessageTable | None:
+    """The messages of the first instance, where messages name one."""
+    if table is None:
+        return None
+    for name in ("I", "C"):
+        if name in table:
+            return table.only(np.asarray(table.floats(name) == table.floats(name).min()))
+    return table
+
+
+def _gps(raw: RawLog) -> MessageTable | None:
+    """GPS of the receiver in use (U), else of the first."""
+    table = raw.table("GPS")
+    if table is not None and "U" in table and (table.floats("U") == 1).any():
+        return table.only(np.asarray(table.floats("U") == 1))
+    return _first(table)
+
+
+def _position(raw: RawLog) -> tuple[PositionSeries | None, list[str]]:
+    undulation = _undulation(raw)
+    for name in POSITION_MESSAGES:
+        table = _gps(raw) if name == "GPS" else raw.table(name)
+        if table is None:
+            continue
+        series = _position_of(table, undulation)
+        if series.valid.sum() >= 2:
+            return series, ([] if series.datum == "ellipsoid" else [f"heights are {series.height_from}"])
+    return None, []
+
+
+def _position_of(table: MessageTable, undulation: Undulation | None) -> PositionSeries:
+    lat, lon = table.floats("Lat"), table.floats("Lng")
+    bad = (lat == 0) & (lon == 0)
+    velocity = np.full((len(table), 3), np.nan)
+    if table.name == "GPS":
+        bad |= table.floats("Status") < 3
+        speed, course = table.floats("Spd"), np.radians(table.floats("GCrs"))
+        velocity = np.stack([speed * np.cos(course), speed * np.sin(course), table.floats("VZ")], axis=1)
+    datum, words, height = on_ellipsoid(table.floats("Alt"), undulation)
+    return position_series(
+        source=table.name,
+        datum=datum,
+        height_from=words,
+        time_s=time_of(table),
+        lat_deg=np.where(bad, np.nan, lat),
+        lon_deg=np.where(bad, np.nan, lon),
+        height_m=np.where(bad, np.nan, height),
+        velocity_ned_mps=velocity,
+    )
+
+
+def _undulation(raw: RawLog) -> Undulation | None:
+    """GPA.Und, or GPA.AEl (height above the ellipsoid) beside GPS.Alt."""
+    gpa, gps = _first(raw.table("GPA")), _gps(raw)
+    if gpa is None or gps is None:
+        return None
+    if "Und" in gpa:
+        said = gpa.floats("Und")
+        return undulation_of("GPA.Und", said[said != 0])
+    if "AEl" in gpa:
+        fixed = gps.only(np.asarray(gps.floats("Status") >= 3))
+        if len(fixed) == 0:
+            return None
+        near = np.interp(time_of(gpa), time_of(fixed), fixed.floats("Alt"))
+        above = gpa.floats("AEl")
+        return undulation_of("GPA.AEl", (above - near)[above != 0])
+    return None
+
+
+def _attitude(raw: RawLog) -> AttitudeSeries | None:
+    exact = _primary_core(raw)
+    table = denser(exact, raw.table("ATT"))
+    if table is None:
+        return None
+    if table.name == "ATT":
+        q = rotation.ned_from_frd(*np.radians([table.floats(angle) for angle in ("Yaw", "Pitch", "Roll")]))
+    else:
+        board = np.stack([table.floats(f"Q{i}") for i in (1, 2, 3, 4)], axis=1)
+        q = rotation.multiply(board, rotation.exp(-_trim(raw)))
+    return attitude_series(source=table.name, time_s=time_of(table), ned_from_body=q)
+
+
+def _primary_core(raw: RawLog) -> MessageTable | None:
+    """Quaternions of the estimator's core that flew, if it was the same one all the time."""
+    for name, status in (("XKQ", "XKF4"), ("NKQ1", "NKF4"), ("XKQ1", "XKF4")):
+        table, state = raw.table(name), raw.table(status)
+        if table is None:
+            continue
+        if "C" not in table:
+            return table
+        cores = np.unique(state.floats("PI")) if state is not None and "PI" in state else np.zeros(1)
+        if len(cores) == 1:
+            chosen = table.only(np.asarray(table.floats("C") == cores[0]))
+            return chosen if len(chosen) else None
+    return None
+
+
+def _trim(raw: RawLog) -> Floats:
+    """The board's trim (3,) roll, pitch, yaw in radians, as the parameters give it last."""
+    table = raw.table("PARM")
+    if table is None:
+        return np.zeros(3)
+    value = dict(zip(table.columns["Name"].tolist(), table.floats("Value").tolist(), strict=True))
+    return np.array([value.get(name.encode(), 0.0) for name in TRIM_NAMES])
+
+
+def _gimbal(raw: RawLog) -> tuple[GimbalSeries | None, list[str]]:
+    """MNT: degrees; roll and pitch against the horizon, YawE against north, YawB against the vehicle."""
+    table = _first(raw.table("MNT"))
+    if table is None:
+        return None, []
+    names = ("Roll", "Pitch", "YawB", "YawE") if "Roll" in table else ("ActRoll", "ActPitch", "ActYaw", "ActYaw")
+    roll, pitch, body, north = (table.floats(name) for name in names)
+    earth = np.asarray(np.isfinite(north)) if "YawE" in table else np.zeros(len(table), dtype=bool)
+    if not (np.nan_to_num(roll).any() or np.nan_to_num(pitch).any() or np.nan_to_num(body).any()):
+        return None, ["MNT says zero throughout: no mount is attached, it is not used"]
+    q = rotation.ned_from_frd(*np.radians([np.where(earth, north, body), pitch, roll]))
+    return gimbal_series(source="MNT", time_s=time_of(table), attitude=q, earth_yaw=earth), []
+
+
+def _camera_events(raw: RawLog) -> tuple[Floats, str]:
+    for name in ("CAM", "TRIG"):
+        table = _first(raw.table(name))
+        if table is not None and ("TimeUS" in table or "TimeMS" in table):
+            time = time_of(table)
+            return np.unique(time[np.isfinite(time)]), name
+    return np.empty(0), ""
+
+
+def _utc(raw: RawLog) -> ClockFit | None:
+    table = _gps(raw)
+    if table is None:
+        return None
+    old = "Week" in table
+    week, millisecond = table.floats("Week" if old else "GWk"), table.floats("TimeMS" if old else "GMS")
+    utc = utc_from_gps(week, millisecond / 1000)
+    good = (week > 0) & plausible_utc(utc) & (table.floats("Status") >= 2)
+    return fit_clock("GPS week and milliseconds", time_of(table), np.where(good, utc, np.nan), floor_s=GPS_UTC_FLOOR_S)
+
+
+def _accuracy(raw: RawLog) -> Accuracy:
+    table = _first(raw.table("GPA"))
+    if table is None or "HAcc" not in table:
+        return Accuracy()
+    horizontal, vertical = (median_of(table.floats(name), 100.0) for name in ("HAcc", "VAcc"))
+    said = bool(np.isfinite([horizontal, vertical]).any())
+    return Accuracy(horizontal_m=horizontal, vertical_m=vertical, source="GPA" if said else "")

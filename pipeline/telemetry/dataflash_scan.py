@@ -1,0 +1,101 @@
+"""Where the messages of a DataFlash log are.
+
+A message is A3 95 kind payload; its length follows from its kind. There is no checksum, so a message is believed
+where another message (or the end of the file) follows it. After bytes that are no message, reading starts again where
+two messages follow each other, or where one carries a time within TIME_SPAN_US of the last. Numba compiles this file:
+everything is a bare array.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.telemetry.compiled import loop
+
+HEAD_1, HEAD_2 = 0xA3, 0x95
+TIME_SPAN_US = 10_000_000
+AT, CORRUPT, LAST_US = 0, 1, 2
+
+
+@loop
+def known_at(data: Any, size: int, at: int, length: Any) -> bool:
+    """Whether a whole message of a known kind can start at `at`."""
+    if at + 3 > size or data[at] != HEAD_1 or data[at + 1] != HEAD_2:
+        return False
+    return bool(length[data[at + 2]] > 0 and at + length[data[at + 2]] <= size)
+
+
+@loop
+def time_us(data: Any, at: int, time_bytes: Any) -> int:
+    """The time that a message starts with, microseconds: 8 bytes of them, or 4 of milliseconds; else -1."""
+    width = time_bytes[data[at + 2]]
+    value = 0
+    for i in range(width):
+        value += int(data[at + 3 + i]) << (8 * i)
+    if width == 0 or value < 0:
+        return -1
+    return value if width == 8 else value * 1000
+
+
+@loop
+def next_message(data: Any, size: int, at: int, length: Any, time_bytes: Any, last_us: int) -> int:
+    """First place from `at` on that can be believed to start a message; `size` if none."""
+    while at + 3 <= size:
+        if known_at(data, size, at, length):
+            end = at + length[data[at + 2]]
+            if end == size or known_at(data, size, end, length):
+                return at
+            time = time_us(data, at, time_bytes)
+            if last_us >= 0 and time >= 0 and abs(time - last_us) < TIME_SPAN_US:
+                return at
+        at += 1
+    return size
+
+
+@loop
+def is_kind_flip(kind: int, span: int, length: Any) -> bool:
+    """Whether one wrong bit made `kind` of a kind that is `span` bytes long: the length betrays it."""
+    for bit in range(8):  # noqa: SIM110 - numba compiles no generators
+        if length[kind ^ (1 << bit)] == span:
+            return True
+    return False
+
+
+@loop
+def scan_messages(
+    data: Any, size: int, length: Any, time_bytes: Any, wanted: Any, counts: Any, start: Any, kinds: Any, state: Any
+) -> int:
+    """Places of the `wanted` kinds from state[AT] on, as many as fit into `start` and `kinds`; returns how many.
+
+    data        (size,) bytes
+    length      (256,) whole length of each known kind, 0 of unknown ones
+    time_bytes  (256,) 8 where a kind starts with microseconds, 4 with milliseconds, else 0
+    wanted      (256,) true for kinds to list
+    counts      (256,) is added to, for every kind
+    state       (3,) where to go on, how many stretches were no message, the last time in microseconds or -1
+    """
+    at, corrupt, last_us = state[AT], state[CORRUPT], state[LAST_US]
+    found, room = 0, len(start)
+    while at + 3 <= size and found < room:
+        good, following = False, at + 1
+        if known_at(data, size, at, length):
+            following = at + length[data[at + 2]]
+            good = following == size or known_at(data, size, following, length)
+            if not good:
+                resume = next_message(data, size, at + 3, length, time_bytes, last_us)
+                good = resume >= following and not is_kind_flip(data[at + 2], resume - at, length)
+                following = following if good else resume
+        else:
+            following = next_message(data, size, at + 1, length, time_bytes, last_us)
+        if good:
+            counts[data[at + 2]] += 1
+            time = time_us(data, at, time_bytes)
+            last_us = time if time >= 0 else last_us
+            if wanted[data[at + 2]]:
+                start[found], kinds[found] = at, data[at + 2]
+                found += 1
+        else:
+            corrupt += 1
+        at = following
+    state[AT], state[CORRUPT], state[LAST_US] = at, corrupt, last_us
+    return found
