@@ -1,1 +1,8 @@
-"""tracking"""
+"""Stage 2: video and first boxes become image tracks."""
+
+from pipeline.tracking.records import VideoTimes, VideoTracks
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.track import track_video
+from pipeline.tracking.video import video_times
+
+__all__ = ["TrackingSettings", "VideoTimes", "VideoTracks", "track_video", "video_times"]

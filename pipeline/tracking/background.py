@@ -1,0 +1,117 @@
+"""How the scene behind the targets moved from one frame to the next.
+
+x_cur ~ H x_prev for points of the ground (homogeneous pixels): corners (Shi-Tomasi) are followed by pyramidal
+Lucas-Kanade on a reduced grey image, and H is fitted by RANSAC, so what moves on its own is left out. Near a point, H
+acts as its value plus its Jacobian; that is what carries a target's position, velocity and shape to the next frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from calibration.arrays import Floats
+from pipeline.tracking.video import Image
+
+CORNERS, REFRESH, FEWEST = 150, 6, 12
+REDUCED_WIDTH_PX = 320
+FLOW_WINDOW = (15, 15)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Background:
+    """The scene as last seen: reduced grey image, its corners (k, 1, 2), frames since they were chosen."""
+
+    grey: Image
+    corners: npt.NDArray[np.float32]
+    age: int
+    factor: int
+
+
+def first_background(pixels: Image) -> Background:
+    """The background as of the first frame."""
+    factor = max(1, round(max(pixels.shape[:2]) / REDUCED_WIDTH_PX))
+    grey = _reduced(pixels, factor)
+    return Background(grey=grey, corners=_corners(grey), age=0, factor=factor)
+
+
+def advance(before: Background, pixels: Image) -> tuple[Background, Floats]:
+    """The background one frame later, and cur_from_prev (3, 3) in full-resolution pixels; identity where unknown."""
+    grey = _reduced(pixels, before.factor)
+    prev, cur = _flow(before, grey)
+    motion = _fit(prev, cur)
+    keep = len(cur) >= CORNERS // 2 and before.age < REFRESH
+    after = Background(
+        grey=grey,
+        corners=cur[:, None] if keep else _corners(grey),
+        age=before.age + 1 if keep else 0,
+        factor=before.factor,
+    )
+    return after, _full(motion, before.factor)
+
+
+def moved(cur_from_prev: Floats, xy_px: Floats) -> tuple[Floats, Floats]:
+    """Where H takes one point (2,), and its Jacobian (2, 2) there."""
+    p = cur_from_prev @ np.array([xy_px[0], xy_px[1], 1.0])
+    to = p[:2] / p[2]
+    jacobian = (cur_from_prev[:2, :2] - np.outer(to, cur_from_prev[2, :2])) / p[2]
+    return to, jacobian
+
+
+def _reduced(pixels: Image, factor: int) -> Image:
+    """Grey, `factor` times smaller; in steps of two, which is much faster than in one."""
+    image = pixels
+    while factor % 2 == 0 and factor > 1:
+        image = np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
+        factor //= 2
+    if image.ndim == 3:
+        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    if factor > 1:
+        size = max(1, image.shape[1] // factor), max(1, image.shape[0] // factor)
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return image
+
+
+def _corners(grey: Image) -> npt.NDArray[np.float32]:
+    found = cv2.goodFeaturesToTrack(grey, CORNERS, 0.01, 8)
+    return np.zeros((0, 1, 2), np.float32) if found is None else np.asarray(found, np.float32)
+
+
+def _flow(before: Background, grey: Image) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    empty = np.zeros((0, 2), np.float32)
+    if len(before.corners) == 0 or before.grey.shape != grey.shape:
+        return empty, empty
+    cur, good, _ = cv2.calcOpticalFlowPyrLK(
+        before.grey, grey, before.corners, before.corners.copy(), winSize=FLOW_WINDOW, maxLevel=3
+    )
+    seen = good.ravel() == 1
+    return before.corners.reshape(-1, 2)[seen], np.asarray(cur, np.float32).reshape(-1, 2)[seen]
+
+
+def _fit(prev: npt.NDArray[np.float32], cur: npt.NDArray[np.float32]) -> Floats:
+    """Homography where many corners agree, similarity where few do, identity where too few."""
+    if len(prev) < FEWEST:
+        return np.eye(3)
+    found, inlier = cv2.findHomography(prev, cur, cv2.RANSAC, 0.5, maxIters=200, confidence=0.995)
+    if found is not None and inlier.sum() >= max(FEWEST, 0.4 * len(prev)) and _gentle(np.asarray(found, float), prev):
+        return np.asarray(found, float)
+    like: Floats | None = cv2.estimateAffinePartial2D(prev, cur, method=cv2.RANSAC, ransacReprojThreshold=1.0)[0]
+    if like is None:
+        return np.eye(3)
+    return np.vstack([like, [0.0, 0.0, 1.0]])
+
+
+def _gentle(homography: Floats, points: npt.NDArray[np.float32]) -> bool:
+    """Whether it neither mirrors nor collapses the image around the points' centre."""
+    _, jacobian = moved(homography, points.mean(axis=0).astype(float))
+    return bool(0.5 < np.linalg.det(jacobian) < 2.0)
+
+
+def _full(motion: Floats, factor: int) -> Floats:
+    """The same motion in full-resolution pixels: a reduced pixel's centre lies at factor * (i + 1/2) - 1/2."""
+    shift = (factor - 1) / 2
+    full_from_reduced = np.array([[factor, 0.0, shift], [0.0, factor, shift], [0.0, 0.0, 1.0]])
+    return np.asarray(full_from_reduced @ motion @ np.linalg.inv(full_from_reduced))

@@ -1,0 +1,180 @@
+"""Following one target from frame to frame: predict, look, refine, verify; when it is hidden, wait and search.
+
+predict   the course over the ground, carried by the background's motion (`kinematics`)
+look      the coarse tracker in a chip around the prediction (`coarse`)
+refine    sub-pixel alignment with the slowly adapting template (`align`)
+verify    correlation, share of agreeing pixels, distance from the prediction
+hidden    no learning; the region where the target can be is searched (`search`); a find counts when the next frames
+          confirm it
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.arrays import Floats
+from pipeline.records import Box
+from pipeline.tracking.align import Alignment, align
+from pipeline.tracking.coarse import Coarse, look, start_coarse
+from pipeline.tracking.kinematics import Course, carried, corrected, first_course
+from pipeline.tracking.search import best_nearby
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.template import Template, Warp, adapted, first_template
+from pipeline.tracking.video import Image
+
+CONFIRMATIONS = 2  # frames after a find that must agree with it
+LEAST_AGREEING, LEAST_INSIDE = 0.5, 0.7
+LEARN_SCORE = 0.8
+GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
+SIGMA_FLOOR_PX, SIGMA_SCALE = 0.05, 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fix:
+    """A target found in one frame."""
+
+    frame: int
+    xy_px: tuple[float, float]
+    sigma_px: float
+    score: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Followed:
+    """A target between two frames.
+
+    pending  fixes after a loss that wait for confirmation; None while not in doubt
+    lost_s   how long it has been hidden
+    """
+
+    template: Template
+    linear: Floats
+    course: Course
+    coarse: Coarse | None
+    usual_score: float = 0.9
+    lost_s: float = 0.0
+    hidden: bool = False
+    pending: tuple[Fix, ...] = ()
+
+
+def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
+    """Takes up a target at its first box."""
+    centre, size = np.array(box.centre_px), (box.width, box.height)
+    template = first_template(image, centre, size)
+    target = Followed(
+        template=template,
+        linear=np.eye(2),
+        course=first_course(centre, max(size)),
+        coarse=start_coarse(settings.tracker, image, Warp(linear=np.eye(2), centre_px=centre), size),
+    )
+    return target, Fix(frame=box.frame, xy_px=box.centre_px, sigma_px=SIGMA_FLOOR_PX, score=1.0)
+
+
+def follow(
+    target: Followed, image: Image, frame: int, dt_s: float, cur_from_prev: Floats, settings: TrackingSettings
+) -> tuple[Followed, tuple[Fix, ...]]:
+    """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
+    course, jacobian = carried(target.course, cur_from_prev, dt_s)
+    target = replace(target, course=course, linear=jacobian @ target.linear)
+    if target.hidden:
+        return _searched(target, image, frame, dt_s, settings)
+    target, found = _looked(target, image, settings)
+    if found is None:
+        gone = replace(target, hidden=True, coarse=None, lost_s=dt_s, pending=())
+        return gone, ()
+    target = _learned(target, image, found, settings)
+    fix = _fix(frame, found)
+    if not target.pending:
+        return target, (fix,)
+    pending = (*target.pending, fix)
+    if len(pending) <= CONFIRMATIONS:
+        return replace(target, pending=pending), ()
+    return replace(target, pending=()), pending
+
+
+def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
+    """The coarse tracker's answer refined; if that does not hold, the prediction, then a search close by."""
+    predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
+    start = None
+    if target.coarse is not None:
+        coarse, start = look(target.coarse, image, predicted)
+        target = replace(target, coarse=coarse)
+    if start is not None:
+        found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
+        if _holds(target, found, settings.accept_score):
+            return target, found
+    reach = 4.0 + 3.0 * target.course.sigma_px
+    near = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
+    if near is not None and _holds(target, near, settings.accept_score):
+        return replace(target, coarse=None), near
+    return target, None
+
+
+def _searched(
+    target: Followed, image: Image, frame: int, dt_s: float, settings: TrackingSettings
+) -> tuple[Followed, tuple[Fix, ...]]:
+    """A hidden target: the whole region in which it can be."""
+    target = replace(target, lost_s=target.lost_s + dt_s)
+    if target.lost_s > settings.longest_loss_s or not _in_view(target.course, image):
+        return target, ()
+    predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
+    reach = 4.0 + 3.0 * target.course.sigma_px
+    found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 2.0)
+    if found is None or not _holds(target, found, max(settings.return_score, settings.accept_score)):
+        return target, ()
+    target = replace(target, hidden=False, coarse=None)
+    return replace(_learned(target, image, found, settings, learn=False), pending=(_fix(frame, found),)), ()
+
+
+def _in_view(course: Course, image: Image) -> bool:
+    height, width = image.shape[:2]
+    slack = 3.0 * course.sigma_px + 10.0
+    x, y = course.position_px
+    return bool(-slack < x < width + slack and -slack < y < height + slack)
+
+
+def _holds(target: Followed, found: Alignment, least_score: float) -> bool:
+    """Verification: it looks like the target, most of it is there, and it is where it can be."""
+    size = float(np.sqrt(np.prod(target.template.size_px)))
+    scale = np.sqrt(abs(np.linalg.det(found.warp.linear)))
+    gate = GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
+    return (
+        found.score >= max(least_score, target.usual_score - 0.3)
+        and found.agreeing >= LEAST_AGREEING
+        and found.inside >= LEAST_INSIDE
+        and bool(np.hypot(*(found.warp.centre_px - target.course.position_px)) < gate)
+        and 0.7 < scale / np.sqrt(abs(np.linalg.det(target.linear))) < 1.4
+    )
+
+
+def _learned(
+    target: Followed, image: Image, found: Alignment, settings: TrackingSettings, learn: bool = True
+) -> Followed:
+    """The target after an accepted fix: course, shape, look, and a coarse tracker that is where the fix is."""
+    learn = learn and not target.pending and found.score > LEARN_SCORE
+    rate = settings.adaptation if learn else 0.0
+    template = adapted(target.template, found.seen, found.residual, rate) if learn else target.template
+    coarse = target.coarse
+    if coarse is None or coarse.strayed:
+        coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
+    return replace(
+        target,
+        template=template,
+        linear=found.warp.linear,
+        course=corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found))),
+        coarse=coarse,
+        usual_score=target.usual_score + 0.05 * (found.score - target.usual_score),
+        lost_s=0.0,
+    )
+
+
+def _fix(frame: int, found: Alignment) -> Fix:
+    x, y = found.warp.centre_px
+    return Fix(frame=frame, xy_px=(float(x), float(y)), sigma_px=_sigma_px(found), score=found.score)
+
+
+def _sigma_px(found: Alignment) -> float:
+    variance = float(np.trace(found.covariance_px2)) / 2
+    return float(np.sqrt(SIGMA_FLOOR_PX**2 + SIGMA_SCALE**2 * variance))

@@ -1,0 +1,49 @@
+"""What tracking hands on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from calibration.arrays import Floats, frozen, settle
+from pipeline.records import ImageTrack
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VideoTimes:
+    """When the frames of a video were shown.
+
+    frame_time_s  (n,) the container's timestamps, counted from frame 0
+    frame_rate    nominal, as the container states it (frames per second)
+    image_size    (width, height) of a frame as it is shown, rotation applied
+    """
+
+    frame_time_s: Floats
+    frame_rate: float
+    image_size: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        settle(self, frame_time_s=frozen(self.frame_time_s, (None,), "frame_time_s"))
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return len(self.frame_time_s)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VideoTracks:
+    """Every target followed through one video.
+
+    tracks        one for each target, in the order of the boxes; rows from the box's frame to the video's last
+    frame_time_s, frame_rate, image_size  as in `VideoTimes`, of the frames that could be decoded
+    notes         what a person should know: frames missing, targets never found again
+    """
+
+    tracks: tuple[ImageTrack, ...]
+    frame_time_s: Floats
+    frame_rate: float
+    image_size: tuple[int, int]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        settle(self, frame_time_s=frozen(self.frame_time_s, (None,), "frame_time_s"))

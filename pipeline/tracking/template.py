@@ -1,0 +1,138 @@
+"""What a target looks like, around the one point of it that is tracked.
+
+A template is a small picture in coordinates u (pixels of the first box's frame, origin at the first box's centre) with
+a spread for each of its pixels: the squared residual to be expected there. A warp (A, t) puts it into an image,
+x = A u + t, so t is where the tracked point is. Pixels that do not belong to the target (corners of the box, road
+seen past the edge) disagree from frame to frame, their spread grows, and they stop counting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from calibration.arrays import Bools, Floats
+from pipeline.tracking.video import Image
+
+Pixels = npt.NDArray[np.float32]
+
+LARGEST_PIXELS = 1600  # finer templates gain nothing
+SMOOTHING_PX = 0.7  # of image and template alike, in template pixels: against noise and interpolation error
+NOISE_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 25.0**2, 80.0**2  # squared grey levels
+SPREAD_RATE = 0.05
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Warp:
+    """Where a template lies in an image: x = linear @ u + centre_px."""
+
+    linear: Floats
+    centre_px: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Template:
+    """A target's look.
+
+    pixels   (h, w, 3) smoothed, grey levels
+    spread   (h, w) expected squared residual
+    core     (h, w) true inside the first box
+    step_px  distance of neighbouring template pixels in u
+    size_px  (width, height) of the first box
+    """
+
+    pixels: Pixels
+    spread: Pixels
+    core: Bools
+    step_px: float
+    size_px: tuple[float, float]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the picture."""
+        return self.pixels.shape[0], self.pixels.shape[1]
+
+    def grid(self) -> tuple[Floats, Floats]:
+        """The u coordinates of the columns (w,) and rows (h,)."""
+        h, w = self.shape
+        columns, rows = np.arange(w) - (w - 1) / 2, np.arange(h) - (h - 1) / 2
+        return np.asarray(columns * self.step_px, float), np.asarray(rows * self.step_px, float)
+
+
+def first_template(image: Image, centre_px: Floats, size_px: tuple[float, float]) -> Template:
+    """The template of a box: the box and a narrow margin around it."""
+    margin = max(1.0, 0.06 * min(size_px))
+    wide, high = size_px[0] + 2 * margin, size_px[1] + 2 * margin
+    step = max(1.0, float(np.sqrt(wide * high / LARGEST_PIXELS)))
+    h, w = max(5, round(high / step)), max(5, round(wide / step))
+    ux, uy = (np.arange(w) - (w - 1) / 2) * step, (np.arange(h) - (h - 1) / 2) * step
+    core = (np.abs(ux)[None, :] <= size_px[0] / 2) & (np.abs(uy)[:, None] <= size_px[1] / 2)
+    start = Warp(linear=np.eye(2), centre_px=np.asarray(centre_px, float))
+    pixels = sample(image, start, (h, w), step)
+    spread = np.where(core, NOISE_SPREAD, OUTSIDE_SPREAD).astype(np.float32)
+    return Template(pixels=pixels, spread=spread, core=core, step_px=step, size_px=size_px)
+
+
+def sample(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float = 0.0) -> Pixels:
+    """The image (h, w, 3) as a template of `shape` would see it under `warp`, smoothed; edges repeat outside.
+
+    reach_px  how far beyond the footprint to read
+    """
+    return Patch.cut(image, warp, shape, step_px, reach_px).at(warp)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Patch:
+    """A smoothed piece of an image around a warp, to be sampled at warps close by."""
+
+    pixels: Pixels
+    corner_px: tuple[int, int]
+    shape: tuple[int, int]
+    step_px: float
+
+    @staticmethod
+    def cut(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float) -> Patch:
+        """The piece that `shape` covers under `warp`, `reach_px` more on every side."""
+        smoothing = SMOOTHING_PX * step_px * float(np.sqrt(abs(np.linalg.det(warp.linear))))
+        half = np.abs(warp.linear) @ (np.array([shape[1], shape[0]]) * step_px / 2)
+        border = reach_px + 3 * smoothing + 2
+        height, width = image.shape[:2]
+        left, top = np.floor(warp.centre_px - half - border).astype(int)
+        right, bottom = np.ceil(warp.centre_px + half + border).astype(int) + 1
+        left, right = min(max(left, 0), width - 1), max(min(right, width), 1)
+        top, bottom = min(max(top, 0), height - 1), max(min(bottom, height), 1)
+        piece = image[top : max(bottom, top + 1), left : max(right, left + 1)].astype(np.float32)
+        smooth = cv2.GaussianBlur(piece, (0, 0), smoothing, borderType=cv2.BORDER_REPLICATE)
+        return Patch(pixels=np.asarray(smooth, np.float32), corner_px=(left, top), shape=shape, step_px=step_px)
+
+    def at(self, warp: Warp) -> Pixels:
+        """The piece seen under `warp` (h, w, 3)."""
+        h, w = self.shape
+        linear = warp.linear * self.step_px
+        corner = warp.centre_px - linear @ np.array([(w - 1) / 2, (h - 1) / 2]) - np.array(self.corner_px, float)
+        seen = cv2.warpAffine(
+            self.pixels,
+            np.column_stack([linear, corner]),
+            (w, h),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        return np.asarray(seen, np.float32)
+
+
+def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float) -> Template:
+    """The template after an accepted frame.
+
+    seen      (h, w, 3) the frame under the found warp, brought to the template's brightness
+    residual  (h, w) squared residual, mean over the colours
+    rate      share of the frame that enters
+    """
+    spread = template.spread + SPREAD_RATE * (np.minimum(residual, LARGEST_SPREAD) - template.spread)
+    return replace(
+        template,
+        pixels=template.pixels + np.float32(rate) * (seen - template.pixels),
+        spread=np.maximum(spread, NOISE_SPREAD / 4).astype(np.float32),
+    )
