@@ -8,17 +8,16 @@ fixed        always so many decimals, never an exponent: XML's `decimal` knows n
 
 from __future__ import annotations
 
-import csv
-import io
 import math
+import re
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from calibration.arrays import Floats
 
 Cell = str | int | float
+_MUST_BE_QUOTED = re.compile('[,"\r\n]')
 
 
 def exact(values: Floats) -> list[Cell]:
@@ -42,13 +41,11 @@ def fixed(value: float, decimals: int) -> str:
     return text[1:] if text.startswith("-") and float(text) == 0 else text
 
 
-def table(header: Sequence[str], columns: Sequence[Iterable[Any]]) -> str:
-    """Comma-separated text of equally long columns."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(zip(*columns, strict=True))
-    return out.getvalue()
+def table(header: Sequence[str], columns: Sequence[Iterable[Cell]]) -> str:
+    """Comma-separated text of equally long columns (RFC 4180, but lines end in a bare line feed)."""
+    texts = [map(_cell_text, column) for column in columns]
+    lines = [",".join(header), *(",".join(row) for row in zip(*texts, strict=True))]
+    return "\n".join(lines) + "\n"
 
 
 def utc_texts(utc_at_zero_s: float, time_s: Floats) -> list[str]:
@@ -58,3 +55,9 @@ def utc_texts(utc_at_zero_s: float, time_s: Floats) -> list[str]:
     """
     micros = round(utc_at_zero_s * 1e6) + np.rint(np.asarray(time_s, float) * 1e6).astype(np.int64)
     return [f"{text}Z" for text in np.datetime_as_string(micros.astype("datetime64[us]"), unit="us").tolist()]
+
+
+def _cell_text(cell: Cell) -> str:
+    if not isinstance(cell, str):
+        return repr(cell)
+    return '"' + cell.replace('"', '""') + '"' if _MUST_BE_QUOTED.search(cell) else cell
