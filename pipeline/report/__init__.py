@@ -1,1 +1,8 @@
-"""report"""
+"""Results become one page that people can read, print and keep: `render_report`.
+
+Every figure is a pure function from records to markup; `page` puts them in order.
+"""
+
+from pipeline.report.page import render_report
+
+__all__ = ["render_report"]

@@ -1,0 +1,118 @@
+"""Who takes part in a flight, and when: names, colours, frame times. What every figure asks first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.arrays import Floats, Ints
+from pipeline.records import PoseTrack, Results, Sightings, Trajectory
+
+COLOURS = 8
+
+
+def targets(results: Results) -> tuple[str, ...]:
+    """Targets in the solution's order, then any that were tracked only."""
+    solved = [m.target for m in results.solution.motions] + [t.target for t in results.trajectories]
+    return tuple(dict.fromkeys(solved + [t.target for t in results.tracks]))
+
+
+def cameras(results: Results) -> tuple[str, ...]:
+    """Cameras in the solution's order."""
+    solution = results.solution
+    named = [c.camera for c in solution.clocks] + [p.camera for p in solution.poses]
+    return tuple(dict.fromkeys(named + [t.camera for t in results.tracks]))
+
+
+def tone(results: Results, target: str) -> str:
+    """CSS classes that give a target its colour; from the ninth on the colours return, dashed."""
+    index = targets(results).index(target)
+    return f"c{index % COLOURS}" + (" again" if index >= COLOURS else "")
+
+
+def time_span(results: Results) -> tuple[float, float]:
+    """First and last common time at which anything was seen."""
+    times = [t.time_s for t in results.trajectories] + [results.solution.sightings.time_s]
+    pool = np.concatenate([np.zeros(0), *times])
+    pool = pool[np.isfinite(pool)]
+    return (float(pool.min()), float(pool.max())) if len(pool) and np.ptp(pool) > 0 else (0.0, 1.0)
+
+
+def frame_times(results: Results, camera: str, frames: Ints) -> Floats:
+    """Common time (n,) of `frames` (n,): the tracks' video times where they know them, else the nominal rate."""
+    clock = next((c for c in results.solution.clocks if c.camera == camera), None)
+    if clock is None:
+        return np.full(len(frames), np.nan)
+    video = {int(f): t for k in results.tracks if k.camera == camera for f, t in zip(k.frame, k.time_s, strict=True)}
+    even = np.asarray(frames, float) / clock.nominal_rate
+    if video:
+        known = np.array(sorted(video))
+        lead = np.array([video[f] for f in known]) - known / clock.nominal_rate
+        even = even + np.interp(frames, known, lead)
+    return clock.common_time_s(even)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraPath:
+    """Refined path of one camera, thinned: common time (n,), position (n, 3) ENU m, attitude (n, 4) enu_from_cam."""
+
+    camera: str
+    time_s: Floats
+    position_enu_m: Floats
+    enu_from_cam: Floats
+
+    @property
+    def still(self) -> bool:
+        """Whether the camera moved less than 5 cm in all."""
+        return bool(np.ptp(self.position_enu_m, axis=0).max(initial=0.0) < 0.05)
+
+
+def camera_paths(results: Results, limit: int = 600) -> tuple[CameraPath, ...]:
+    """Paths of all cameras with at most `limit` poses each."""
+    return tuple(_camera_path(results, p, limit) for p in results.solution.poses if len(p.frame))
+
+
+def _camera_path(results: Results, poses: PoseTrack, limit: int) -> CameraPath:
+    at = thinned(len(poses.frame), limit)
+    return CameraPath(
+        camera=poses.camera,
+        time_s=frame_times(results, poses.camera, poses.frame[at]),
+        position_enu_m=poses.position_enu_m[at],
+        enu_from_cam=poses.enu_from_cam[at],
+    )
+
+
+def thinned(n: int, limit: int) -> Ints:
+    """At most `limit` of the indices 0 .. n - 1, evenly spaced, the first and the last among them."""
+    if n <= limit:
+        return np.arange(n)
+    return np.unique(np.round(np.linspace(0, n - 1, limit)).astype(np.int64))
+
+
+def thin_trajectory(trajectory: Trajectory, limit: int) -> Trajectory:
+    """The trajectory at `limit` of its samples."""
+    at = thinned(len(trajectory.time_s), limit)
+    return Trajectory(
+        target=trajectory.target,
+        time_s=trajectory.time_s[at],
+        position_enu_m=trajectory.position_enu_m[at],
+        velocity_mps=trajectory.velocity_mps[at],
+        covariance=trajectory.covariance[at],
+    )
+
+
+def rows_of(sightings: Sightings, camera: str | None = None, target: str | None = None) -> Ints:
+    """Indices of the sightings of one camera, one target, or both."""
+    keep = np.ones(len(sightings.frame), bool)
+    if camera is not None:
+        keep &= np.array([c == camera for c in sightings.camera], bool)
+    if target is not None:
+        keep &= np.array([t == target for t in sightings.target], bool)
+    return np.flatnonzero(keep)
+
+
+def true_trajectory(results: Results, target: str) -> Trajectory | None:
+    """The true trajectory of one target, where it is known."""
+    known = results.truth.trajectories if results.truth is not None else ()
+    return next((t for t in known if t.target == target and len(t.time_s) > 1), None)

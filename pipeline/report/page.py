@@ -1,0 +1,93 @@
+"""The whole page: one file that needs nothing else, the same bytes for the same results."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+from pipeline.records import Results
+from pipeline.report.blocks import Section, section
+from pipeline.report.camera_view import orientation
+from pipeline.report.clock_view import timing
+from pipeline.report.correlation_view import correlations
+from pipeline.report.map_view import map_figure
+from pipeline.report.markup import Html, joined, tag
+from pipeline.report.provenance_view import provenance
+from pipeline.report.residual_view import residual_figures
+from pipeline.report.space_view import space_section
+from pipeline.report.summary import header
+from pipeline.report.time_views import height_and_speed, uncertainty_figure
+from pipeline.report.timeline_view import targets_table, timeline_figure
+from pipeline.report.truth_view import truth_figures
+
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+
+
+def render_report(results: Results) -> str:
+    """The report of a solved flight as one self-contained HTML page.
+
+    Loads nothing from anywhere, works from a file, and depends on `results` alone: no clock, no chance.
+    """
+    parts = _sections(results)
+    contents = tag("nav", tag("ul", *(_link(p) for p in parts)), aria_label="Contents")
+    body = joined(header(results), contents, tag("main", *(section(p) for p in parts)), _foot(results))
+    head = joined(
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", f"{results.title} \u2013 runningfix"),
+        tag("link", rel="icon", href="data:,"),
+        tag("style", _asset("report.css")),
+    )
+    scripts = [tag("script", _asset(name)) for name in ("space.js", "page.js")]
+    page = tag("html", tag("head", head), tag("body", body, *scripts), lang="en")
+    return f"<!DOCTYPE html>\n{page}\n"
+
+
+def _sections(results: Results) -> list[Section]:
+    truth = results.comparison or results.truth is not None
+    found = [
+        Section(anchor="map", heading="Map", content=map_figure(results)),
+        Section(anchor="space-view", heading="In 3D", content=space_section(results)),
+        Section(anchor="targets", heading="Targets", content=targets_table(results)),
+        Section(anchor="height", heading="Height and speed", short="Height", content=height_and_speed(results)),
+        Section(
+            anchor="truth",
+            heading="Against the truth",
+            short="Truth",
+            content=truth_figures(results) if truth else Html(""),
+        ),
+        Section(anchor="uncertainty", heading="Uncertainty", content=uncertainty_figure(results)),
+        Section(anchor="residuals", heading="Image residuals", short="Residuals", content=residual_figures(results)),
+        Section(anchor="timing", heading="Timing", content=timing(results)),
+        Section(anchor="cameras", heading="Camera corrections", short="Corrections", content=orientation(results)),
+        Section(anchor="tracks", heading="Tracks", content=timeline_figure(results)),
+        Section(anchor="correlations", heading="Correlations", content=correlations(results)),
+        Section(
+            anchor="provenance",
+            heading="Settings, inputs, versions",
+            short="Settings",
+            content=provenance(results),
+            folded=True,
+        ),
+    ]
+    return [s for s in found if s.content]
+
+
+def _link(part: Section) -> Html:
+    return tag("li", tag("a", part.short or part.heading, href=f"#{part.anchor}"))
+
+
+def _foot(results: Results) -> Html:
+    version = results.versions.get("runningfix", "")
+    return tag(
+        "footer", tag("p", f"Made by runningfix {version}".strip(), ". This page loads nothing and needs no network.")
+    )
+
+
+def _asset(name: str) -> Html:
+    """Text of a file beside this module, to stand inside a style or script element."""
+    text = files("pipeline.report").joinpath(name).read_text(encoding="utf-8")
+    if "</" in text:
+        raise ValueError(f"{name}: must not contain '</'")
+    return Html("\n" + text)

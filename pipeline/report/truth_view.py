@@ -1,0 +1,134 @@
+"""Against the truth, where it is known: each figure before and after, beside the sigma that was claimed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.records import Comparison, Results, Trajectory
+from pipeline.report import cast
+from pipeline.report.axes import span
+from pipeline.report.blocks import figure, key, note, table
+from pipeline.report.markup import Html, joined, tag
+from pipeline.report.plot import band, chart, line, panel
+from pipeline.report.words import SIGMA, fixed, rounded
+
+SAMPLES = 600
+
+
+def truth_figures(results: Results) -> Html:
+    """Table and bars of the comparison, then each target's error along the flight with its claimed sigma."""
+    rows = results.comparison
+    parts = [_comparison_table(rows), _bars(rows)] if rows else []
+    return joined(*parts, _errors(results))
+
+
+def _comparison_table(rows: tuple[Comparison, ...]) -> Html:
+    head = ("error of", "unit", "before", "after", f"claimed 1{SIGMA}", "after, in sigmas", "better by")
+    body = [
+        [
+            r.what,
+            r.unit,
+            _or_dash(r.before),
+            _or_dash(r.after),
+            _or_dash(r.sigma),
+            _ratio(r.after, r.sigma),
+            _ratio(r.before, r.after, "\u00d7"),
+        ]
+        for r in rows
+    ]
+    return table(head, body, caption="Errors before and after the adjustment", words=2)
+
+
+def _or_dash(value: float) -> str:
+    return rounded(value, 3) if math.isfinite(value) else "\u2013"
+
+
+def _ratio(value: float, unit: float, tail: str = "") -> str:
+    if not (math.isfinite(value) and math.isfinite(unit)) or unit == 0:
+        return "\u2013"
+    ratio = abs(value / unit)
+    return f"{fixed(ratio, 1 if ratio < 10 else 0)}{tail}"
+
+
+def _bars(rows: tuple[Comparison, ...]) -> Html:
+    units = list(dict.fromkeys(r.unit for r in rows))
+    panels = [p for u in units if (p := _unit_bars(u, [r for r in rows if r.unit == u]))]
+    keys = (
+        key("bar-before", "before", "M1 6H23"),
+        key("bar-after", "after", "M1 6H23"),
+        key("bar-claim", f"claimed 1{SIGMA}", "M12 0V12"),
+    )
+    legend = tag("ul", *(tag("li", k) for k in keys), class_="legend")
+    return figure(*panels, legend=legend, caption="Logarithmic scales: each step to the left is ten times better.")
+
+
+def _unit_bars(unit: str, rows: list[Comparison]) -> Html:
+    values = [abs(v) for r in rows for v in (r.before, r.after, r.sigma) if math.isfinite(v) and v != 0]
+    if not values:
+        return Html("")
+    low, high = 10 ** math.floor(math.log10(min(values)) - 0.3), 10 ** math.ceil(math.log10(max(values)) + 0.05)
+    n, left = len(rows), 150
+    p = panel((low, high), (-n + 0.5, 0.5), height=64 + 30 * n, left=left, log_x=True)
+    marks = [_bar_pair(r, p.x.at, p.y.at(-i)) for i, r in enumerate(rows)]
+    ticks = [(-float(i), _short(r.what, 21)) for i, r in enumerate(rows)]
+    label = f"Errors in {unit} before and after: " + "; ".join(
+        f"{r.what} {_or_dash(r.before)} to {_or_dash(r.after)}" for r in rows
+    )
+    return chart(p, marks, label=label, title=f"In {unit}", x_label=f"error, {unit} (log)", y_ticks=ticks)
+
+
+def _bar_pair(row: Comparison, x_at: object, y: float) -> Html:
+    px = {
+        k: x_at(abs(v))
+        for k, v in (("before", row.before), ("after", row.after), ("claim", row.sigma))
+        if math.isfinite(v) and v != 0
+    }  # type: ignore[operator]
+    out = []
+    if "before" in px:
+        out.append(tag("path", d=f"M0 {y - 5:.1f}H{px['before']:.1f}", class_="bar-before"))
+    if "after" in px:
+        out.append(tag("path", d=f"M0 {y + 5:.1f}H{px['after']:.1f}", class_="bar-after"))
+    if "claim" in px:
+        out.append(tag("path", d=f"M{px['claim']:.1f} {y - 1:.1f}V{y + 11:.1f}", class_="bar-claim"))
+    return tag("g", *out)
+
+
+def _short(words: str, most: int) -> str:
+    return words if len(words) <= most else words[: most - 1] + "\u2026"
+
+
+def _errors(results: Results) -> Html:
+    pairs = [(t, cast.true_trajectory(results, t.target)) for t in results.trajectories if len(t.time_s) > 1]
+    panels = [_error_panel(results, cast.thin_trajectory(t, SAMPLES), known) for t, known in pairs if known is not None]
+    if not panels:
+        return Html("")
+    keys = (key("line", "distance from the truth"), key("band", f"claimed 1{SIGMA} and 2{SIGMA}", "M1 2H23V10H1Z"))
+    legend = tag("ul", *(tag("li", k) for k in keys), class_="legend c-ink")
+    words = note("A distance stays below the darker band about three times in five if the claim is honest.")
+    return joined(tag("h3", "Error along the flight"), figure(*panels, legend=legend), words)
+
+
+def _error_panel(results: Results, track: Trajectory, known: Trajectory) -> Html:
+    true = np.stack(
+        [
+            np.interp(track.time_s, known.time_s, known.position_enu_m[:, i], left=np.nan, right=np.nan)
+            for i in range(3)
+        ],
+        axis=1,
+    )
+    error = np.linalg.norm(track.position_enu_m - true, axis=1)
+    sigma = track.sigma_m
+    good = sigma[np.isfinite(sigma)]
+    usual = 4 * float(np.median(good)) if len(good) else 0.0
+    top = max(float(np.nanmax(error, initial=0.0)) * 1.1, usual, 1e-3) if np.isfinite(error).any() else max(usual, 1.0)
+    p = panel(cast.time_span(results), (0.0, top))
+    zero = np.zeros_like(sigma)
+    marks = [band(p, track.time_s, zero, 2 * sigma), band(p, track.time_s, zero, sigma), line(p, track.time_s, error)]
+    rms = float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else math.nan
+    return chart(
+        p, [tag("g", *marks, class_=cast.tone(results, track.target))],
+        label=f"Error of {track.target} over time beside its claimed sigma",
+        title=f"{track.target}: rms {rounded(rms)} m", x_label="common time, s", y_label="error, m", time=True,
+    )  # fmt: skip
