@@ -1,0 +1,235 @@
+"""The normal equations of every block, with the frames' own pose errors eliminated in closed form.
+
+All that a frame observes touches z = (target positions 3 N, bias 6, focal, time, pose time) of that instant. With A its
+derivative by the pose, J by z, W the robust weights, S the spread and H = S A'WA S + prior:
+
+    information M = J'WJ - E'H^-1 E        E = S A'WJ
+    gradient    m = J'Wr - E'H^-1 h        h = S A'Wr + prior u
+    afterwards  du = -H^-1 (h + E dz)
+
+(design of the elimination: a Schur complement whose blocks are 6 x 6). The motion makes dz out of power series in u, so
+that a block's normal matrix is made of the moments sum_f M(f) u^k: one pass, cost linear in frames, no matrix larger
+than one block. This file is the plain numpy form; `_kernels.py` computes the same compiled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.arrays import Floats, Ints
+from pipeline.solver import _kernels
+from pipeline.solver.blocks import LOCAL_COLUMNS, Blocks
+from pipeline.solver.layout import Frames
+from pipeline.solver.residuals import Linearised, linearise
+
+CHUNK_FRAMES = 2048
+NONE, HUBER, CAUCHY = 0, 1, 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseError:
+    """What a frame's pose may be wrong by.
+
+    spread, prior  (C, 6): e = bias + spread u, prior (0 or 1) u^2 / 2 added to the cost; spread 0 holds
+    damping        relative, added to the data's part of H (methods without prior)
+    """
+
+    spread: Floats
+    prior: Floats
+    damping: float = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether any frame has an error of its own."""
+        return bool(self.spread.any())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Loss:
+    """rho of the squared length of a residual: `kind` NONE, HUBER or CAUCHY, and where it bends, in sigmas."""
+
+    kind: int = NONE
+    bend: float = 1.0
+
+    def weight(self, square: Floats) -> Floats:
+        """rho'(square): what a sighting counts, 0 to 1."""
+        if self.kind == HUBER:
+            return np.asarray(self.bend / np.sqrt(np.maximum(square, self.bend**2)))
+        if self.kind == CAUCHY:
+            return np.asarray(1 / (1 + square / self.bend**2))
+        return np.ones_like(square)
+
+    def cost(self, square: Floats) -> Floats:
+        """rho(square)."""
+        if self.kind == HUBER:
+            linear = 2 * self.bend * np.sqrt(square) - self.bend**2
+            return np.where(square > self.bend**2, linear, square)
+        if self.kind == CAUCHY:
+            return np.asarray(self.bend**2 * np.log1p(square / self.bend**2))
+        return np.asarray(square)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class At:
+    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (C, 6), `focal` (C,), `own` (F, 6)."""
+
+    series: Floats
+    bias: Floats
+    focal: Floats
+    own: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockNormals:
+    """`normal` (B, L, L) and `gradient` (B, L) of the local unknowns: target, axis, power; then the 11 columns.
+
+    cost        half of rho summed, and of the frames' own priors
+    frame_gain  what moving the frames' own errors alone would take off the cost
+    """
+
+    normal: Floats
+    gradient: Floats
+    cost: float
+    frame_gain: float
+
+
+def _target_motion(series: Floats, u: Floats, half_s: Floats) -> tuple[Floats, Floats]:
+    """Positions and velocities (n, N, 3) of power series (n, N, 3, K + 1) at u (n,)."""
+    degree = series.shape[-1] - 1
+    powers = u[:, None] ** np.arange(degree + 1)
+    position = np.einsum("bnij,bj->bni", series, powers)
+    speed = powers[:, :degree] * np.arange(1, degree + 1)
+    return position, np.einsum("bnij,bj->bni", series[..., 1:], speed) / half_s[:, None, None]
+
+
+def _frame_index(blocks: Blocks, low: int, high: int) -> Ints:
+    """Block of every frame from block `low` up to `high`."""
+    return np.repeat(np.arange(low, high), np.diff(blocks.begin[low : high + 1]))
+
+
+def _columns(found: Linearised, velocity: Floats) -> Floats:
+    """J (n, 2 N, 3 N + 9): derivative by targets' positions, bias, focal, time and pose time."""
+    n, targets = found.residual.shape[:2]
+    out = np.zeros((n, targets, 2, 3 * targets + 9))
+    for t in range(targets):
+        out[:, t, :, 3 * t : 3 * t + 3] = found.by_position[:, t]
+    rest = 3 * targets
+    out[..., rest : rest + 6] = found.by_pose
+    out[..., rest + 6] = found.by_focal
+    out[..., rest + 7] = (found.by_position @ velocity[..., None])[..., 0]
+    out[..., rest + 8] = found.by_pose_time
+    return out.reshape(n, 2 * targets, -1)
+
+
+def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, low: int, high: int):  # type: ignore[no-untyped-def]
+    """Everything of the frames of blocks `low` to `high`, multiplied by the root of the robust weight."""
+    part = slice(int(blocks.begin[low]), int(blocks.begin[high]))
+    block, camera = _frame_index(blocks, low, high), frames.camera[part]
+    position, velocity = _target_motion(at.series[block], blocks.u[part], blocks.half_s[block])
+    error = at.bias[camera] + pose.spread[camera] * at.own[part]
+    found = linearise(frames, part, position, error, at.focal[camera])
+    square = (found.residual**2).sum(-1)
+    root = np.repeat(np.sqrt(loss.weight(square)), 2, axis=1)
+    J = _columns(found, velocity) * root[..., None]
+    n_targets = len(frames.targets)
+    A = J[..., 3 * n_targets : 3 * n_targets + 6] * pose.spread[camera][:, None]
+    r = found.residual.reshape(len(camera), -1) * root
+    At_ = np.swapaxes(A, 1, 2)
+    H = At_ @ A
+    diagonal = np.einsum("nii->ni", H)
+    diagonal += pose.prior[camera] + pose.damping * diagonal
+    diagonal += np.where(diagonal == 0, 1.0, 0.0)
+    h = (At_ @ r[..., None])[..., 0] + pose.prior[camera] * at.own[part]
+    cost = 0.5 * loss.cost(square).sum() + 0.5 * (pose.prior[camera] * at.own[part] ** 2).sum()
+    return part, J, r, H, At_ @ J, h, float(cost)
+
+
+def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
+    """See the head of this file; numpy only."""
+    n_blocks, n_targets, degree = len(blocks.camera), len(frames.targets), at.series.shape[-1] - 1
+    size = 3 * n_targets * (degree + 1) + LOCAL_COLUMNS
+    normal, gradient = np.zeros((n_blocks, size, size)), np.zeros((n_blocks, size))
+    powers, place = _local_powers(n_targets, degree)
+    cost = gain = 0.0
+    for low, high in _chunks(blocks):
+        part, J, r, H, E, h, own_cost = _weighted(frames, pose, loss, at, blocks, low, high)
+        solved = np.linalg.solve(H, np.concatenate([E, h[..., None]], axis=-1))
+        Jt = np.swapaxes(J, 1, 2)
+        M = Jt @ J - np.swapaxes(E, 1, 2) @ solved[..., :-1]
+        m = (Jt @ r[..., None])[..., 0] - (h[:, None] @ solved[..., :-1])[:, 0]
+        cost += own_cost
+        gain += 0.5 * float((h * solved[..., -1]).sum())
+        begin = blocks.begin[low:high] - blocks.begin[low]
+        u = blocks.u[part]
+        for k in range(max(2 * degree, degree + 1, 2) + 1):
+            moment = np.add.reduceat(M * (u**k)[:, None, None], begin, axis=0)
+            a, b = np.nonzero(powers[:, None] + powers[None, :] == k)
+            normal[low:high, a, b] = moment[:, place[a], place[b]]
+            if k <= max(degree, 1):
+                own = np.flatnonzero(powers == k)
+                gradient[low:high, own] = np.add.reduceat(m * (u**k)[:, None], begin, axis=0)[:, place[own]]
+    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain)
+
+
+def _local_powers(n_targets: int, degree: int) -> tuple[Ints, Ints]:
+    """Of every local unknown: its power of u, and its place in z."""
+    columns = 3 * n_targets
+    powers = np.concatenate([np.tile(np.arange(degree + 1), columns), [0] * 7, [0, 1, 0, 1]])
+    place = np.concatenate([np.repeat(np.arange(columns), degree + 1), columns + np.array([*range(7), 7, 7, 8, 8])])
+    return powers, place
+
+
+def _chunks(blocks: Blocks) -> list[tuple[int, int]]:
+    """Block ranges of about CHUNK_FRAMES frames, which bounds the memory."""
+    out, low = [], 0
+    while low < len(blocks.camera):
+        high = int(np.searchsorted(blocks.begin, blocks.begin[low] + CHUNK_FRAMES, side="right")) - 1
+        high = max(high, low + 1)
+        out.append((low, high))
+        low = high
+    return out
+
+
+def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
+    """du (F, 6) that belongs to the local step (B, L); numpy only."""
+    out = np.zeros((frames.count, 6))
+    n_targets, degree = len(frames.targets), at.series.shape[-1] - 1
+    powers, place = _local_powers(n_targets, degree)
+    for low, high in _chunks(blocks):
+        part, _, _, H, E, h, _ = _weighted(frames, pose, loss, at, blocks, low, high)
+        scaled = step[_frame_index(blocks, low, high)] * blocks.u[part][:, None] ** powers
+        dz = np.zeros((len(scaled), 3 * n_targets + 9))
+        for i, z in enumerate(place):
+            dz[:, z] += scaled[:, i]
+        right = h + (E @ dz[..., None])[..., 0]
+        out[part] = -np.linalg.solve(H, right[..., None])[..., 0]
+    return out
+
+
+def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
+    """See the head of this file; compiled where numba is installed."""
+    if not _kernels.AVAILABLE:
+        return block_normals_plain(frames, pose, loss, at, blocks)
+    normal, gradient, cost, gain = _kernels.block_normals(*_kernel_arguments(frames, pose, loss, at, blocks))
+    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain)
+
+
+def frame_steps(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
+    """du (F, 6) that belongs to the local step (B, L)."""
+    if not pose.free:
+        return np.zeros((frames.count, 6))
+    if not _kernels.AVAILABLE:
+        return frame_steps_plain(frames, pose, loss, at, blocks, step)
+    found: Floats = _kernels.frame_steps(*_kernel_arguments(frames, pose, loss, at, blocks), step)
+    return found
+
+
+def _kernel_arguments(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> tuple[object, ...]:
+    rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
+    return (
+        frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None, frames.ray, frames.gain,
+        frames.angular, pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
+        at.series, at.bias, at.focal, at.own, blocks.begin, blocks.camera, blocks.u, blocks.half_s,
+    )  # fmt: skip

@@ -1,0 +1,87 @@
+"""Trajectory intersection: the motion alone, every time and pose known (paper eq. 6 to 8).
+
+V (X(t) - C) = 0 is linear in the motion's coefficients, so one step of the common machinery solves it, for one camera
+or many, polynomial or spline. Triangulation is the same for a single instant: one point, order 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.arrays import Floats
+from pipeline.errors import GeometryError
+from pipeline.solver.assembly import linear, moved
+from pipeline.solver.bordered import factorise
+from pipeline.solver.elimination import Loss, PoseError
+from pipeline.solver.layout import Frames, metric, scaled_metric
+from pipeline.solver.model import Model, State
+from pipeline.solver.timing import common_time_s
+
+RANK = 1e-12
+"""Relative to its diagonal, the smallest pivot of a motion that counts as determined."""
+REWEIGHTED = 2
+
+
+def held_poses(cameras: int) -> PoseError:
+    """No frame has a pose error of its own."""
+    return PoseError(spread=np.zeros((cameras, 6)), prior=np.ones((cameras, 6)))
+
+
+def intersect(model: Model, state: State) -> State:
+    """The motion that fits best at the state's clocks and poses, in metres (paper eq. 8).
+
+    Raises GeometryError where the rays do not determine it.
+    """
+    return _motion_step(model, metric(model.frames), state)
+
+
+def intersect_weighted(model: Model, state: State) -> State:
+    """The same with every ray weighted by what it is worth at its target's distance: nearly the statistical optimum."""
+    found = intersect(model, state)
+    for _ in range(REWEIGHTED):
+        found = _motion_step(model, scaled_metric(model.frames, distance_m(model, found)), found)
+    return found
+
+
+def distance_m(model: Model, state: State) -> Floats:
+    """Distance (F, N) of every target from every camera position, at least one metre."""
+    frames = model.frames
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)
+    away = model.basis.position(time, state.coefficients) - frames.position_m[:, None]
+    return np.asarray(np.maximum(np.linalg.norm(away, axis=-1), 1.0))
+
+
+def _motion_step(model: Model, frames: Frames, state: State) -> State:
+    """One linear step of the motion alone with the linear residuals of `frames`."""
+    held = replace(model.priors, camera_free=np.zeros_like(model.priors.camera_free))
+    alone = model.changed(
+        frames=frames,
+        priors=held,
+        pose=held_poses(len(frames.cameras)),
+        loss=Loss(),
+        drift_free=False,
+        motion_free=True,
+    )
+    here = linear(alone, state)
+    diagonal = here.system.diagonal
+    if not (diagonal > 0).all():
+        raise not_determined("some coefficients of the motion touch no sight ray")
+    scale = 1 / np.sqrt(diagonal)
+    factor = factorise(here.system.scaled(scale).damped(np.full(len(scale), RANK)))
+    if factor is None:
+        raise not_determined("the normal equations of the motion are singular")
+    if not factor.smallest_pivot() > 10 * RANK:
+        raise not_determined("the sight rays leave a direction of the motion free")
+    return moved(alone, here, -scale * factor.solve(scale * here.system.gradient))
+
+
+def not_determined(seen: str) -> GeometryError:
+    """The motion cannot be found from these rays."""
+    return GeometryError(
+        where="trajectory intersection",
+        seen=seen,
+        expected="3 (order + 1) / 2 sightings of each target, from a path less simple than the target's",
+        advice="a lower motion order, more frames, another camera, or the method 'map' with priors",
+    )

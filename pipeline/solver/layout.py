@@ -1,0 +1,126 @@
+"""The observations of a problem as plain arrays: every frame of every camera in one row, cameras one after another.
+
+A frame and a target that it does not see have gain zero, so that every frame has the same shape and a target that is
+hidden costs nothing but the place.
+
+The residual of an observation is r = gain y / depth with y = R (X - C) in camera axes. The statistical method takes
+gain = pixel_from_ray / sigma_px and depth = d . y, so r is the reprojection error in sigmas; the paper's methods take
+gain = an orthonormal basis of the plane across the ray and depth = 1, so |r| = |V (X - C)| metres (paper eq. 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.arrays import Bools, Floats, Ints
+from pipeline.geometry import rotation
+from pipeline.records import CameraInput, Problem
+
+NEAREST_COSINE = 0.05
+"""A point further than acos(0.05) from the optical ray is taken as that far: finite, and never attractive."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frames:
+    """All frames (F in all), C cameras, N targets.
+
+    first         (C + 1,) where each camera's frames begin
+    camera        (F,) index
+    frame, video_s  (F,) number and video time
+    cam_from_enu  (F, 3, 3) as measured
+    position_m    (F, 3) as measured
+    pose_rate     (F, 6) rotation vector (camera axes, of cam_from_enu) and velocity by which the measured pose changes
+                  per second of log time; None: no camera's poses can be moved in time
+    ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
+    sigma_px      (F, N), NaN where unseen
+    angular       true: divided by the depth
+    """
+
+    cameras: tuple[str, ...]
+    targets: tuple[str, ...]
+    first: Ints
+    camera: Ints
+    frame: Ints
+    video_s: Floats
+    cam_from_enu: Floats
+    position_m: Floats
+    pose_rate: Floats | None
+    ray: Floats
+    gain: Floats
+    seen: Bools
+    sigma_px: Floats
+    angular: bool
+
+    @property
+    def count(self) -> int:
+        """Number of frames in all."""
+        return len(self.camera)
+
+    def of(self, camera: int) -> slice:
+        """The frames of one camera."""
+        return slice(int(self.first[camera]), int(self.first[camera + 1]))
+
+
+def across(direction: Floats) -> Floats:
+    """Two orthonormal rows (n, 2, 3) that span the plane across unit directions (n, 3)."""
+    d = np.asarray(direction, float)
+    helper = np.eye(3)[np.abs(d).argmin(axis=-1)]
+    one = np.cross(d, helper)
+    one /= np.linalg.norm(one, axis=-1, keepdims=True)
+    return np.stack([one, np.cross(d, one)], axis=-2)
+
+
+def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Rays, pixel gains, pixel sigmas and video time of one camera, dense over its frames and all targets."""
+    rays, n_frames, n_targets = given.rays, len(given.poses.frame), len(index)
+    place = np.searchsorted(given.poses.frame, rays.frame)
+    column = np.array([index[name] for name in rays.targets], dtype=np.int64)[rays.target]
+    ray = np.zeros((n_frames, n_targets, 3))
+    ray[..., 2] = 1.0
+    gain = np.zeros((n_frames, n_targets, 2, 3))
+    sigma = np.full((n_frames, n_targets), np.nan)
+    ray[place, column] = rays.direction_cam
+    gain[place, column] = rays.pixel_from_ray / rays.sigma_px[:, None, None]
+    sigma[place, column] = rays.sigma_px
+    video = np.full(n_frames, np.nan)
+    video[place] = rays.time_s
+    return ray, gain, sigma, video
+
+
+def pack(problem: Problem) -> Frames:
+    """The observations of `problem`, with the reprojection error in sigmas as residual."""
+    index = {t.target: i for i, t in enumerate(problem.targets)}
+    parts = [_camera_arrays(c, index) for c in problem.cameras]
+    ray, gain, sigma, video = (np.concatenate([p[i] for p in parts]) for i in range(4))
+    count = [len(c.poses.frame) for c in problem.cameras]
+    return Frames(
+        cameras=tuple(c.camera for c in problem.cameras),
+        targets=tuple(index),
+        first=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
+        camera=np.repeat(np.arange(len(count)), count),
+        frame=np.concatenate([c.poses.frame for c in problem.cameras]),
+        video_s=video,
+        cam_from_enu=np.concatenate(
+            [rotation.matrix(rotation.conjugate(c.poses.enu_from_cam)) for c in problem.cameras]
+        ),
+        position_m=np.concatenate([c.poses.position_enu_m for c in problem.cameras]),
+        pose_rate=None,
+        ray=ray,
+        gain=gain,
+        seen=np.isfinite(sigma),
+        sigma_px=sigma,
+        angular=True,
+    )
+
+
+def metric(frames: Frames) -> Frames:
+    """The same frames with the paper's residual V (X - C) in metres."""
+    gain = across(frames.ray) * frames.seen[..., None, None]
+    return replace(frames, gain=gain, angular=False)
+
+
+def scaled_metric(frames: Frames, distance_m: Floats) -> Frames:
+    """Linear in the motion like the paper's residual, weighted like the angular one at `distance_m` (F, N)."""
+    return replace(frames, gain=frames.gain / distance_m[..., None, None], angular=False)

@@ -1,0 +1,80 @@
+"""Levenberg-Marquardt: linearise, damp, step, and see whether the cost agrees.
+
+The damping is relative to the diagonal and follows Nielsen: divided by up to three where the quadratic model
+foretold the cost well, doubled and redoubled where it did not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.records import SolveStatus
+from pipeline.solver.assembly import Linear, linear, moved
+from pipeline.solver.bordered import factorise
+from pipeline.solver.model import Model, State
+
+FIRST_DAMPING = 1e-4
+SMALL = 1e-9
+"""Relative change of the cost that ends the iteration."""
+Progress = Callable[[int, float], None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """Where the iteration ended, linearised there, and how. `model` holds the data as they were there."""
+
+    model: Model
+    linear: Linear
+    status: SolveStatus
+    iterations: int
+
+    @property
+    def state(self) -> State:
+        """The point."""
+        return self.linear.state
+
+    @property
+    def cost(self) -> float:
+        """Half the robust chi-square, priors included."""
+        return self.linear.cost
+
+
+def levenberg_marquardt(
+    model: Model, start: State, *, max_iterations: int = 100, small: float = SMALL,
+    first_damping: float = FIRST_DAMPING, progress: Progress | None = None, renew: Callable[[Model, State], Model] | None = None,
+) -> Fit:  # fmt: skip
+    """Minimise from `start`. `renew` may replace the model's data after a step (poses taken at moved times)."""
+    here = linear(model, start)
+    damping, growth = first_damping, 2.0
+    for iteration in range(1, max_iterations + 1):
+        diagonal = np.maximum(here.system.diagonal, 1e-12 * max(1e-300, float(here.system.diagonal.max(initial=0))))
+        factor = factorise(here.system.damped(damping * diagonal))
+        gain = -np.inf
+        if factor is not None:
+            step = -factor.solve(here.system.gradient)
+            foretold = 0.5 * float(step @ (damping * diagonal * step - here.system.gradient)) + here.frame_gain
+            trial_model, trial = model, moved(model, here, step)
+            if renew is not None:
+                trial_model = renew(model, trial)
+            there = linear(trial_model, trial)
+            gain = (here.cost - there.cost) / max(foretold, 1e-300)
+            if progress is not None:
+                progress(iteration, min(here.cost, there.cost))
+            if not np.isfinite(there.cost):
+                gain = -np.inf
+            if gain > 0:
+                done = abs(here.cost - there.cost) <= small * here.cost
+                model, here = trial_model, there
+                if done:
+                    return Fit(model=model, linear=here, status="converged", iterations=iteration)
+                damping, growth = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-15), 2.0
+                continue
+            if foretold <= small * here.cost + 1e-300:
+                return Fit(model=model, linear=here, status="converged", iterations=iteration)
+        damping, growth = damping * growth, growth * 2
+        if damping > 1e12:
+            return Fit(model=model, linear=here, status="stalled", iterations=iteration)
+    return Fit(model=model, linear=here, status="iteration-limit", iterations=max_iterations)

@@ -1,0 +1,153 @@
+"""What is adjusted and what is known of it: the unknowns' order, their priors, one point in their space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.arrays import Bools, Floats, Ints
+from pipeline.solver.elimination import Loss, PoseError
+from pipeline.solver.layout import Frames
+from pipeline.solver.motion_basis import MotionBasis, jerk_rows
+from pipeline.solver.timing import CAMERA_PARAMETERS, Drift
+
+DRIFT_CENTRED_S = 1e-4
+"""How exactly a deviation is held to have neither offset nor rate of its own: those are the affine clock's."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """One point: `coefficients` (P, 3), `camera` (C, 10), `deviation` (D,), frames' own pose errors `own` (F, 6)."""
+
+    coefficients: Floats
+    camera: Floats
+    deviation: Floats
+    own: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Priors:
+    """What is known beforehand.
+
+    camera_mean, camera_precision (C, 10)  precision zero: nothing is known
+    camera_free (C, 10)  false: held
+    jerk  (N,) of splines, m / s^2.5 (root of the power of white jerk); infinite: no prior
+    drift_rate  (C,) of drifting clocks: how far the deviation walks, s / sqrt(s)
+    """
+
+    camera_mean: Floats
+    camera_precision: Floats
+    camera_free: Bools
+    jerk: Floats
+    drift_rate: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Order:
+    """Where every unknown sits in the vector: first the band (spline coefficients by time), then the border.
+
+    coefficient (P, 3), camera (C, 10), drift (D,): places, -1 where held
+    """
+
+    coefficient: Ints
+    camera: Ints
+    drift: Ints
+    n_band: int
+    n_border: int
+    width: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """An adjustment without the point it is at."""
+
+    frames: Frames
+    basis: MotionBasis
+    drift: Drift
+    pose: PoseError
+    loss: Loss
+    priors: Priors
+    order: Order
+    motion_free: bool = True
+    drift_free: bool = True
+
+    def changed(self, **values: object) -> Model:
+        """The same with other parts; the order of the unknowns is made anew."""
+        other = replace(self, **values)  # type: ignore[arg-type]
+        return replace(other, order=order_unknowns(other))
+
+
+def build_model(
+    frames: Frames, basis: MotionBasis, drift: Drift, pose: PoseError, loss: Loss, priors: Priors,
+    motion_free: bool = True,
+) -> Model:  # fmt: skip
+    """A model with its unknowns in order."""
+    empty = np.empty((0, 0), dtype=np.int64)
+    nothing = Order(coefficient=empty, camera=empty, drift=empty, n_band=0, n_border=0, width=0)
+    return Model(frames=frames, basis=basis, drift=drift, pose=pose, loss=loss, priors=priors, order=nothing).changed(
+        motion_free=motion_free
+    )
+
+
+def order_unknowns(model: Model) -> Order:
+    """Spline coefficients of all targets by their time in the band; everything else in the border."""
+    basis, priors, motion_free = model.basis, model.priors, model.motion_free
+    coefficient = np.full((basis.count, 3), -1, dtype=np.int64)
+    when, rows = [], []
+    n_border = 0
+    for t in basis.targets:
+        own = np.arange(t.first, t.first + t.count)
+        if t.kind == "spline":
+            rows.append(own)
+            when.append(np.array([t.knots_s[i + 1 : i + 1 + t.degree].mean() for i in range(t.count)]))
+    band = np.concatenate(rows) if rows else np.empty(0, dtype=np.int64)
+    n_band = 3 * len(band) if motion_free else 0
+    if motion_free:
+        if rows:
+            ranked = band[np.argsort(np.concatenate(when), kind="stable")]
+            coefficient[ranked] = np.arange(n_band).reshape(-1, 3)
+        for t in basis.targets:
+            if t.kind == "polynomial":
+                places = n_band + n_border + np.arange(3 * t.count).reshape(3, t.count).T
+                coefficient[t.first : t.first + t.count] = places
+                n_border += 3 * t.count
+    camera = np.full((len(priors.camera_free), CAMERA_PARAMETERS), -1, dtype=np.int64)
+    free = int(priors.camera_free.sum())
+    camera[priors.camera_free] = n_band + n_border + np.arange(free)
+    n_border += free
+    knots = model.drift.count if model.drift_free else 0
+    drifts = np.full(model.drift.count, -1, dtype=np.int64)
+    drifts[:knots] = n_band + n_border + np.arange(knots)
+    return Order(
+        coefficient=coefficient, camera=camera, drift=drifts, n_band=n_band, n_border=n_border + knots,
+        width=_band_width(basis, coefficient, n_band),
+    )  # fmt: skip
+
+
+def _band_width(basis: MotionBasis, coefficient: Ints, n_band: int) -> int:
+    """How far apart two unknowns of the band can be that act in one span."""
+    if not n_band:
+        return 0
+    low = np.full(len(basis.grid_s) - 1, n_band)
+    high = np.zeros(len(basis.grid_s) - 1, dtype=np.int64)
+    for t in basis.targets:
+        if t.kind == "spline":
+            acting = coefficient[t.active[:, None] + np.arange(t.degree + 1)].reshape(len(low), -1)
+            low, high = np.minimum(low, acting.min(axis=1)), np.maximum(high, acting.max(axis=1))
+    return int((high - low).max())
+
+
+def jerk_penalty(model: Model, target: int) -> tuple[Ints, Floats]:
+    """First acting coefficient (p,) and rows (p, 4) whose squares sum to the integral of |X'''|^2 of a spline."""
+    return jerk_rows(model.basis, model.basis.targets[target])
+
+
+def drift_penalty(drift: Drift, camera: int, rate: float) -> Floats:
+    """(k, k) of one clock's knots: a random walk, without offset and rate of its own."""
+    knots = drift.knot_s[drift.of(camera)]
+    k = len(knots)
+    step = np.diff(np.eye(k), axis=0) / (rate * np.sqrt(np.diff(knots)))[:, None]
+    middle = (knots - knots.mean()) / max(float(np.ptp(knots)), 1e-9)
+    level = np.stack([np.full(k, 1 / k), middle / max(float(np.abs(middle).sum()), 1e-9)]) / DRIFT_CENTRED_S
+    return np.asarray(step.T @ step + level.T @ level)

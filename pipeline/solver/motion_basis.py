@@ -1,0 +1,215 @@
+"""Motion of all targets in one form: inside a span of common time every target is a short power series.
+
+In span s, with u = (t - mid_s) / half_s in [-1, 1], target n is X_n = sum_j u^j m_j and m = transform[s] c, where c are
+the few of the target's coefficients that act there. A polynomial has one span, the whole flight, and its coefficients
+are the power series itself; a cubic spline has a span between every two knots. The solver's inner loops only ever see
+power series, whatever the motion is.
+
+The motion prior of a spline is white jerk: the integral of |X'''|^2 / q^2 dt, exact since X''' is constant in a span.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.arrays import Floats, Ints
+from pipeline.records import Motion
+from pipeline.records.motion import MotionKind
+
+SPLINE_DEGREE = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetBasis:
+    """How one target's coefficients act.
+
+    degree     of the polynomial, or of the spline
+    knots_s    clamped knots of a spline; the two ends for a polynomial
+    first      of its coefficients among all targets' coefficients; `count` of them
+    active     (S,) first coefficient (among all) that acts in each span; degree + 1 do
+    transform  (S, K + 1, degree + 1), K the greatest degree of all targets
+    """
+
+    target: str
+    kind: MotionKind
+    degree: int
+    knots_s: Floats
+    first: int
+    count: int
+    active: Ints
+    transform: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionBasis:
+    """Spans `grid_s` (S + 1,) of common time, and every target's place in them; `degree` is the greatest."""
+
+    grid_s: Floats
+    degree: int
+    targets: tuple[TargetBasis, ...]
+
+    @property
+    def count(self) -> int:
+        """Coefficients of all targets (each is a 3-vector)."""
+        return sum(t.count for t in self.targets)
+
+    @property
+    def mid_s(self) -> Floats:
+        """(S,) middle of the spans."""
+        return np.asarray(0.5 * (self.grid_s[1:] + self.grid_s[:-1]))
+
+    @property
+    def half_s(self) -> Floats:
+        """(S,) half their length."""
+        return np.asarray(0.5 * (self.grid_s[1:] - self.grid_s[:-1]))
+
+    def span(self, time_s: Floats) -> Ints:
+        """Span (n,) of common times (n,); the first and last reach to infinity."""
+        if len(self.grid_s) == 2:
+            return np.zeros(len(time_s), dtype=np.int64)
+        return np.clip(np.searchsorted(self.grid_s, time_s, side="right") - 1, 0, len(self.grid_s) - 2)
+
+    def series(self, span: Ints, coefficients: Floats) -> Floats:
+        """Power series (n, N, 3, K + 1) of all targets in spans (n,)."""
+        out = np.empty((len(span), len(self.targets), 3, self.degree + 1))
+        for n, t in enumerate(self.targets):
+            acting = coefficients[t.active[span][:, None] + np.arange(t.degree + 1)]
+            out[:, n] = np.swapaxes(t.transform[span] @ acting, 1, 2)
+        return out
+
+    def position(self, time_s: Floats, coefficients: Floats) -> Floats:
+        """Positions (n, N, 3) at common times (n,)."""
+        span = self.span(time_s)
+        u = (time_s - self.mid_s[span]) / self.half_s[span]
+        powers = u[:, None] ** np.arange(self.degree + 1)
+        return np.asarray(np.einsum("bnij,bj->bni", self.series(span, coefficients), powers))
+
+
+def _nodes(degree: int) -> Floats:
+    """degree + 1 Chebyshev points of [-1, 1]."""
+    return np.asarray(np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)))
+
+
+def _acting_values(knots: Floats, degree: int, interval: Ints, time: Floats) -> Floats:
+    """The degree + 1 B-splines (..., degree + 1) that act in knot `interval`, at `time`, by de Boor's recursion."""
+    value = np.ones((*time.shape, 1))
+    for d in range(1, degree + 1):
+        grown = np.zeros((*time.shape, d + 1))
+        for r in range(d):
+            low, high = knots[interval - d + 1 + r], knots[interval + 1 + r]
+            share = value[..., r] / (high - low)
+            grown[..., r] += (high - time) * share
+            grown[..., r + 1] += (time - low) * share
+        value = grown
+    return value
+
+
+def _spline_transform(grid: Floats, knots: Floats, interval: Ints, greatest: int) -> Floats:
+    """(S, greatest + 1, 4) from the acting B-spline coefficients to the span's power series."""
+    u = _nodes(greatest)
+    time = 0.5 * (grid[1:] + grid[:-1])[:, None] + 0.5 * np.diff(grid)[:, None] * u
+    values = _acting_values(knots, SPLINE_DEGREE, np.broadcast_to(interval[:, None], time.shape), time)
+    return np.asarray(np.linalg.solve(np.vander(u, greatest + 1, increasing=True), values))
+
+
+def _polynomial_transform(grid: Floats, start: float, end: float, order: int, greatest: int) -> Floats:
+    """(S, greatest + 1, order + 1) from powers of (t - middle) / half length of the whole to the span's series."""
+    if len(grid) == 2 and grid[0] == start and grid[1] == end:
+        return np.eye(greatest + 1, order + 1)[None]
+    u = _nodes(greatest)
+    time = 0.5 * (grid[1:] + grid[:-1])[:, None] + 0.5 * np.diff(grid)[:, None] * u
+    v = (2 * time - start - end) / (end - start)
+    values = v[..., None] ** np.arange(order + 1)
+    return np.asarray(np.linalg.solve(np.vander(u, greatest + 1, increasing=True), values))
+
+
+def build_basis(
+    names: tuple[str, ...], kinds: tuple[MotionKind, ...], orders: tuple[int, ...], ends_s: Floats, spacing_s: float
+) -> MotionBasis:
+    """A basis over common times `ends_s` (N, 2), each target's own; splines share knots `spacing_s` apart."""
+    start, end = float(ends_s[:, 0].min()), float(ends_s[:, 1].max())
+    end = max(end, start + 1e-3)
+    pieces = max(1, int(np.ceil((end - start) / spacing_s))) if "spline" in kinds else 1
+    grid = np.linspace(start, end, pieces + 1)
+    greatest = max(SPLINE_DEGREE if kind == "spline" else order for kind, order in zip(kinds, orders, strict=True))
+    targets: list[TargetBasis] = []
+    first = 0
+    for name, kind, order, (low_s, high_s) in zip(names, kinds, orders, ends_s, strict=True):
+        if kind == "polynomial":
+            transform = _polynomial_transform(grid, start, end, order, greatest)
+            target = TargetBasis(
+                target=name, kind=kind, degree=order, knots_s=np.array([start, end]), first=first, count=order + 1,
+                active=np.full(pieces, first, dtype=np.int64), transform=transform,
+            )  # fmt: skip
+        else:
+            target = _spline_target(name, grid, float(low_s), float(high_s), first, greatest)
+        targets.append(target)
+        first += target.count
+    return MotionBasis(grid_s=grid, degree=greatest, targets=tuple(targets))
+
+
+def _spline_target(name: str, grid: Floats, low_s: float, high_s: float, first: int, greatest: int) -> TargetBasis:
+    """A cubic spline over the spans that touch [low_s, high_s]; beyond them its end pieces go on."""
+    pieces, k = len(grid) - 1, SPLINE_DEGREE
+    begin = int(np.clip(np.searchsorted(grid, low_s, side="right") - 1, 0, pieces - 1))
+    stop = int(np.clip(np.searchsorted(grid, high_s, side="left"), begin + 1, pieces))
+    inner = grid[begin : stop + 1]
+    knots = np.concatenate([np.repeat(inner[0], k), inner, np.repeat(inner[-1], k)])
+    own = np.clip(np.arange(pieces), begin, stop - 1) - begin
+    return TargetBasis(
+        target=name, kind="spline", degree=k, knots_s=knots, first=first, count=len(inner) - 1 + k,
+        active=first + own, transform=_spline_transform(grid, knots, own + k, greatest),
+    )  # fmt: skip
+
+
+def jerk_rows(basis: MotionBasis, target: TargetBasis) -> tuple[Ints, Floats]:
+    """Rows whose squares, summed over the target's spans, are the integral of |X'''|^2 dt.
+
+    Returns the first acting coefficient (p,) and the row (p, 4), for the spans that the target's knots cover.
+    """
+    covered = (basis.mid_s > target.knots_s[0]) & (basis.mid_s < target.knots_s[-1])
+    half = basis.half_s[covered]
+    row = target.transform[covered, SPLINE_DEGREE, :] * (6 / half**3 * np.sqrt(2 * half))[:, None]
+    return target.active[covered], np.asarray(row)
+
+
+def bernstein_from_powers(order: int) -> Floats:
+    """(order + 1, order + 1): coefficients of the clamped spline without inner knots from powers of v in [-1, 1]."""
+    v = _nodes(order)
+    knots = np.concatenate([np.full(order + 1, -1.0), np.full(order + 1, 1.0)])
+    values = _acting_values(knots, order, np.full(len(v), order), v)
+    return np.asarray(np.linalg.solve(values, np.vander(v, order + 1, increasing=True)))
+
+
+def motion_of(target: TargetBasis, coefficients: Floats, band: Floats | None, start_s: float, end_s: float) -> Motion:
+    """The record of one target, from its coefficients (count, 3) and their covariance (count, degree + 1, 3, 3)."""
+    if target.kind == "spline":
+        knots, c, covariance = target.knots_s, coefficients, band
+    else:
+        k = target.degree
+        to = bernstein_from_powers(k)
+        low, high = target.knots_s
+        knots = np.concatenate([np.full(k + 1, low), np.full(k + 1, high)])
+        c, covariance = to @ coefficients, None if band is None else _turned_band(to, band)
+    return Motion(
+        target=target.target, kind=target.kind, degree=target.degree, knots_s=knots, coefficients=c,
+        covariance_band=covariance, start_s=start_s, end_s=end_s,
+    )  # fmt: skip
+
+
+def _turned_band(to: Floats, band: Floats) -> Floats:
+    """The covariance band of `to` @ coefficients, where the band holds the whole covariance."""
+    k = len(band)
+    full = np.zeros((k, k, 3, 3))
+    for i in range(k):
+        for j in range(k - i):
+            full[i, i + j] = band[i, j]
+            full[i + j, i] = band[i, j].T
+    turned = np.einsum("ai,ijxy,bj->abxy", to, full, to)
+    out = np.zeros_like(band)
+    for i in range(k):
+        for j in range(k - i):
+            out[i, j] = turned[i, i + j]
+    return out

@@ -1,0 +1,167 @@
+"""From the records to a model and a first point: which unknowns a method frees, and with what priors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.arrays import Bools, Floats
+from pipeline.errors import GeometryError
+from pipeline.records import CameraInput, Problem, SolverSettings
+from pipeline.records.motion import MotionKind
+from pipeline.solver.elimination import CAUCHY, HUBER, NONE, Loss, PoseError
+from pipeline.solver.layout import Frames
+from pipeline.solver.model import Model, Priors, State, build_model
+from pipeline.solver.motion_basis import MotionBasis, build_basis
+from pipeline.solver.timing import (
+    CAMERA_PARAMETERS,
+    FOCAL,
+    OFFSET,
+    POS,
+    ROT,
+    SCALE,
+    START,
+    common_time_s,
+    without_drift,
+)
+
+BEND = {"none": Loss(), "huber": Loss(kind=HUBER, bend=3.0), "cauchy": Loss(kind=CAUCHY, bend=2.5)}
+"""Where a loss bends, in sigmas of a sighting: 1.1 % of good sightings lie beyond three."""
+FIRST_ORDER = 1
+FIRST_JERK = 10.0
+"""m / s^2.5: a drone in brisk flight. The data's own strength is estimated later."""
+KNOTS_S = 0.3
+assert NONE == 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionChoice:
+    """Kind and order of every target's motion in force, and the spacing of splines' knots."""
+
+    kinds: tuple[MotionKind, ...]
+    orders: tuple[int, ...]
+    spacing_s: float = KNOTS_S
+
+
+def first_choice(problem: Problem) -> MotionChoice:
+    """What the problem says, with `FIRST_ORDER` where the data shall say."""
+    return MotionChoice(
+        kinds=tuple(t.motion for t in problem.targets),
+        orders=tuple(FIRST_ORDER if t.order == "auto" else t.order for t in problem.targets),
+    )
+
+
+def is_still(camera: CameraInput) -> bool:
+    """Whether no frame has a pose error of its own."""
+    return camera.still or (camera.sigma.attitude_rad == 0 and camera.sigma.position_m == 0)
+
+
+def pose_errors(problem: Problem, method: str) -> PoseError:
+    """Per-frame errors: instruments' for `map`, a free rotation without prior for `algorithm-2`, else none."""
+    spread = np.zeros((len(problem.cameras), 6))
+    prior = np.ones((len(problem.cameras), 6))
+    if method == "algorithm-2":
+        spread[:, ROT], prior[:, ROT] = 1.0, 0.0
+    if method == "map":
+        for c, camera in enumerate(problem.cameras):
+            if not is_still(camera):
+                spread[c, ROT], spread[c, POS] = camera.sigma.attitude_rad, camera.sigma.position_m
+    return PoseError(spread=spread, prior=prior, damping=1e-6 if method == "algorithm-2" else 0.0)
+
+
+def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, Floats, Bools]:
+    """Mean, precision and freedom (C, 10) of the cameras' constant parameters for the method in force."""
+    shape = (len(problem.cameras), CAMERA_PARAMETERS)
+    mean, sigma, free = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape, dtype=bool)
+    statistical = settings.method == "map"
+    timed = settings.method in ("li", "algorithm-1", "algorithm-2", "map")
+    for c, camera in enumerate(problem.cameras):
+        known = camera.sigma
+        if statistical:
+            sigma[c, ROT], sigma[c, POS] = known.attitude_bias_rad, known.position_bias_m
+            sigma[c, FOCAL] = known.focal
+            sigma[c, START] = known.start_s if camera.poses_at is not None else 0.0
+            free[c, :7] = sigma[c, :7] > 0
+            free[c, START] = sigma[c, START] > 0
+        if timed and camera.camera != problem.reference_camera:
+            free[c, OFFSET] = known.offset_s is None or known.offset_s > 0
+            free[c, SCALE] = settings.refine_frame_rate and known.frame_rate > 0 and settings.method != "li"
+            if statistical:
+                sigma[c, SCALE] = known.frame_rate
+                if known.offset_s is not None and camera.offset_s is not None:
+                    sigma[c, OFFSET], mean[c, OFFSET] = known.offset_s, camera.offset_s
+    precision = np.where(free & np.isfinite(sigma) & (sigma > 0), 1 / np.where(sigma > 0, sigma, 1.0) ** 2, 0.0)
+    return mean, precision, free
+
+
+def first_camera(problem: Problem, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> Floats:
+    """(C, 10) first values: clocks as given here, everything else zero."""
+    out = np.zeros((len(problem.cameras), CAMERA_PARAMETERS))
+    for c, camera in enumerate(problem.cameras):
+        if camera.camera != problem.reference_camera:
+            out[c, OFFSET] = offset_s.get(camera.camera, 0.0)
+            out[c, SCALE] = camera.frame_rate / rate.get(camera.camera, camera.frame_rate) - 1
+    return out
+
+
+def given_offsets(problem: Problem) -> dict[str, float]:
+    """The first guesses of the offsets; zero where nothing is known, as the paper starts."""
+    return {c.camera: c.offset_s or 0.0 for c in problem.cameras}
+
+
+def sighted_ends_s(frames: Frames, time_s: Floats) -> Floats:
+    """(N, 2) first and last common time at which each target was seen. Raises GeometryError where one never was."""
+    ends = []
+    for n, name in enumerate(frames.targets):
+        own = time_s[frames.seen[:, n]]
+        if len(own) == 0:
+            raise GeometryError(
+                where=f"target {name}", seen="no sighting in any camera", expected="at least two sightings",
+                advice="leave the target out, or look at its tracks",
+            )  # fmt: skip
+        ends.append((own.min(), own.max()))
+    return np.array(ends)
+
+
+def basis_at(frames: Frames, choice: MotionChoice, time_s: Floats) -> MotionBasis:
+    """The motion basis over the common times in which each target was seen."""
+    return build_basis(frames.targets, choice.kinds, choice.orders, sighted_ends_s(frames, time_s), choice.spacing_s)
+
+
+def first_model(
+    problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, camera: Floats
+) -> tuple[Model, State]:
+    """A model of the method in force, and the point with these cameras (C, 10) and no motion yet."""
+    drift = without_drift(frames)
+    mean, precision, free = camera_priors(problem, settings)
+    time = common_time_s(frames, drift, camera, np.empty(0))
+    basis = basis_at(frames, choice, time)
+    priors = Priors(
+        camera_mean=mean, camera_precision=precision, camera_free=free,
+        jerk=np.full(len(frames.targets), FIRST_JERK), drift_rate=np.zeros(len(frames.cameras)),
+    )  # fmt: skip
+    loss = BEND[settings.robust] if settings.method == "map" else Loss()
+    model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors)
+    state = State(
+        coefficients=np.zeros((basis.count, 3)), camera=camera, deviation=np.empty(0), own=np.zeros((frames.count, 6))
+    )
+    return model, state
+
+
+def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:
+    """The same motion as well as another basis can say it: fitted to its positions, four for every coefficient."""
+    changed = model.changed(basis=basis)
+    coefficients = np.zeros((basis.count, 3))
+    for n, t in enumerate(basis.targets):
+        low, high = (t.knots_s[0], t.knots_s[-1])
+        time = np.linspace(low, high, 4 * t.count + 8)
+        wanted = model.basis.position(time, state.coefficients)[:, n]
+        unit = np.zeros((len(time), t.count))
+        span = basis.span(time)
+        u = (time - basis.mid_s[span]) / basis.half_s[span]
+        value = np.einsum("bij,bi->bj", t.transform[span], u[:, None] ** np.arange(basis.degree + 1))
+        unit[np.arange(len(time))[:, None], t.active[span][:, None] - t.first + np.arange(t.degree + 1)] = value
+        coefficients[t.first : t.first + t.count] = np.linalg.lstsq(unit, wanted, rcond=None)[0]
+    return changed, replace(state, coefficients=coefficients)
