@@ -18,7 +18,6 @@ from calibration.arrays import Ints
 from calibration.files import read_bytes
 from pipeline.errors import InputFileError
 from pipeline.telemetry.compiled import COMPILED
-from pipeline.telemetry.dataflash_scan import AT, CORRUPT, scan_messages
 from pipeline.telemetry.mapped_file import Bytes, mapped
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
 
@@ -117,6 +116,8 @@ def _scan(
     data: Bytes, layouts: Mapping[int, Layout], wanted: set[int], progress: Progress
 ) -> tuple[dict[int, Ints], Ints, int]:
     """Places of the wanted messages by kind, counts by kind, and how many stretches were no message."""
+    from pipeline.telemetry.dataflash_scan import AT, CORRUPT, scan_messages  # here, for numba is slow to import
+
     length, time_bytes, counts = np.zeros((3, 256), dtype=np.int64)
     listed = np.zeros(256, dtype=np.bool_)
     for kind, layout in layouts.items():

@@ -1,5 +1,12 @@
-"""The MAVLink messages that camera poses are made of."""
+"""The MAVLink messages that camera poses are made of, and how a log of them is told from a raw capture."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.telemetry.mapped_file import Bytes
+
+MARKERS = (0xFE, 0xFD)
 WANTED = (
     "HEARTBEAT",
     "SYSTEM_TIME",
@@ -16,3 +23,10 @@ WANTED = (
     "CAMERA_FEEDBACK",
     "CAMERA_TRIGGER",
 )
+
+
+def has_stamps(data: Bytes, path: Path) -> bool:
+    """Whether the recorder's time stands before every packet: a marker then is at 8, not at 0."""
+    if len(data) > 8 and (data[0] in MARKERS) != (data[8] in MARKERS):
+        return data[8] in MARKERS
+    return path.suffix.lower() == ".tlog"

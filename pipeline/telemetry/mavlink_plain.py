@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega
 
-from calibration.files import read_bytes
 from pipeline.telemetry.flight_log import LogFormat
-from pipeline.telemetry.mavlink_names import WANTED
+from pipeline.telemetry.mapped_file import Bytes, mapped
+from pipeline.telemetry.mavlink_names import WANTED, has_stamps
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
 
 STAMP_BYTES = 8
@@ -29,8 +29,8 @@ def read_mavlink_plain(path: Path, *, wanted: tuple[str, ...] = WANTED, progress
 
     Raises InputFileError where the file is missing or cannot be read.
     """
-    data = read_bytes(path, expected="a MAVLink log")
-    stamped = path.suffix.lower() == ".tlog"
+    data = mapped(path, expected="a MAVLink log")
+    stamped = has_stamps(data, path)
     rows: dict[str, list[tuple[int, float, Any]]] = defaultdict(list)
     counts: Counter[str] = Counter()
     for place, record_s, message in _messages(data, stamped, progress):
@@ -49,7 +49,7 @@ def read_mavlink_plain(path: Path, *, wanted: tuple[str, ...] = WANTED, progress
     )
 
 
-def _messages(data: bytes, stamped: bool, progress: Progress) -> Iterator[tuple[int, float, Any]]:
+def _messages(data: Bytes, stamped: bool, progress: Progress) -> Iterator[tuple[int, float, Any]]:
     """Place, recorder's time and message, bad data included."""
     parser = ardupilotmega.MAVLink(None)
     parser.robust_parsing = True
@@ -73,7 +73,7 @@ def _messages(data: bytes, stamped: bool, progress: Progress) -> Iterator[tuple[
             progress(at / len(data))
 
 
-def _stamp(data: bytes, at: int, expected_s: float) -> tuple[float, int]:
+def _stamp(data: Bytes, at: int, expected_s: float) -> tuple[float, int]:
     """The recorder's time at `at` and the place after it; after bad data, the next one near `expected_s`."""
     while True:
         stamp_s = float(struct.unpack_from(">Q", data, at)[0]) * 1e-6

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.errors import InputFileError
+from pipeline.telemetry.compiled import COMPILED
 from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.mapped_file import mapped
-from pipeline.telemetry.mavlink_plain import read_mavlink_plain
 from pipeline.telemetry.mavlink_poses import mavlink_flight
-from pipeline.telemetry.tables import Progress
+from pipeline.telemetry.tables import Progress, RawLog
 from pipeline.telemetry.ulog import read_ulog
 
 KNOWN = ".tlog, .mavlink, .bin, .log, .ulg"
@@ -27,7 +27,7 @@ def read_log(path: Path, *, system: int | None = None, progress: Progress = None
     """
     kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:16])
     if kind in (".tlog", ".mavlink", ".mav"):
-        return mavlink_flight(read_mavlink_plain(path, progress=progress), system=system)
+        return mavlink_flight(read_mavlink(path, progress=progress), system=system)
     if kind == ".ulg" or head.startswith(ULOG_HEAD):
         return read_ulog(path, progress=progress)
     if kind == ".bin" or head.startswith(DATAFLASH_HEAD):
@@ -40,3 +40,14 @@ def read_log(path: Path, *, system: int | None = None, progress: Progress = None
         expected=f"a flight log: {KNOWN}",
         advice="convert it, or give the camera's poses as a .csv",
     )
+
+
+def read_mavlink(path: Path, *, progress: Progress = None) -> RawLog:
+    """A MAVLink log, by the compiled reader where numba is installed, else by pymavlink's."""
+    if COMPILED:  # imported here: neither is needed, nor quick to import, for other logs
+        from pipeline.telemetry.mavlink_fast import read_mavlink_fast
+
+        return read_mavlink_fast(path, progress=progress)
+    from pipeline.telemetry.mavlink_plain import read_mavlink_plain
+
+    return read_mavlink_plain(path, progress=progress)

@@ -1,0 +1,122 @@
+"""MAVLink logs read by compiled loops: scan once, verify every checksum, gather only the wanted fields.
+
+Layouts come from pymavlink's own message definitions, so the values are bit for bit those of its reader.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pymavlink.dialects.v20 import ardupilotmega
+
+from calibration.arrays import Floats, Ints
+from pipeline.telemetry.flight_log import LogFormat
+from pipeline.telemetry.mapped_file import Bytes, mapped
+from pipeline.telemetry.mavlink_names import WANTED, has_stamps
+from pipeline.telemetry.mavlink_scan import (
+    AT,
+    CORRUPT,
+    CRC_TABLE,
+    IDS,
+    V1,
+    gather_payloads,
+    scan_packets,
+)
+from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
+
+TYPES = {
+    "char": "S1", "uint8_t": "u1", "int8_t": "i1", "uint16_t": "<u2", "int16_t": "<i2", "uint32_t": "<u4",
+    "int32_t": "<i4", "uint64_t": "<u8", "int64_t": "<i8", "float": "<f4", "double": "<f8",
+}  # fmt: skip
+CHUNK = 1 << 18
+
+
+def read_mavlink_fast(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Progress = None) -> RawLog:
+    """Every message of the `wanted` names in a `.tlog` or raw MAVLink file.
+
+    Raises InputFileError where the file is missing or cannot be read.
+    """
+    data = mapped(path, expected="a MAVLink log")
+    stamped = has_stamps(data, path)
+    rows, counts, corrupt = _scan(data, stamped, wanted, progress)
+    kind: LogFormat = "tlog" if stamped else "mavlink"
+    names = ardupilotmega.mavlink_map
+    order = np.argsort(rows[:, 2], kind="stable")
+    ids, many = np.unique(rows[:, 2], return_counts=True)
+    ends = np.cumsum(many)
+    tables = {}
+    for msgid, end, n in zip(ids.tolist(), ends.tolist(), many.tolist(), strict=True):
+        tables[names[msgid].msgname] = _table(data, names[msgid], rows[order[end - n : end]])
+    return RawLog(
+        path=path,
+        format=kind,
+        tables=tables,
+        counts={names[int(i)].msgname: int(counts[i]) for i in np.flatnonzero(counts)},
+        corrupt_packets=corrupt,
+    )
+
+
+@cache
+def layout(message: Any) -> np.dtype[np.void]:
+    """A message's payload as it is sent: fields by size, extensions last."""
+    types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
+    members: list[tuple[str, Any]] = []
+    for name, many in zip(message.ordered_fieldnames, message.array_lengths, strict=True):
+        base = TYPES[types[name]]
+        members.append((name, f"S{many}" if base == "S1" and many else (base, (many,)) if many else base))
+    return np.dtype(members)
+
+
+@cache
+def _extra() -> Ints:
+    extra = np.full(IDS, -1, dtype=np.int64)
+    for msgid, message in ardupilotmega.mavlink_map.items():
+        extra[msgid] = message.crc_extra
+    return extra
+
+
+def _scan(
+    data: Bytes, stamped: bool, wanted: tuple[str, ...], progress: Progress
+) -> tuple[Ints, npt.NDArray[np.int64], int]:
+    """Rows of `scan_packets`, counts by id, corrupt packets."""
+    listed = np.zeros(IDS, dtype=np.bool_)
+    listed[[msgid for msgid, message in ardupilotmega.mavlink_map.items() if message.msgname in wanted]] = True
+    counts, known = np.zeros(IDS, dtype=np.int64), np.zeros(IDS, dtype=np.bool_)
+    state = np.array([0, 0, -1, 0], dtype=np.int64)
+    source = np.frombuffer(data, np.uint8)
+    room, parts = np.empty((CHUNK, 5), dtype=np.int64), []
+    while state[AT] < len(data):
+        n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
+        parts.append(room[:n].copy())
+        if progress is not None:
+            progress(float(state[AT]) / len(data))
+    return np.concatenate(parts), counts, int(state[CORRUPT])
+
+
+def _table(data: Bytes, message: Any, rows: Ints) -> MessageTable:
+    form = layout(message)
+    payload = np.empty((len(rows), form.itemsize), dtype=np.uint8)
+    source = np.frombuffer(data, np.uint8)
+    gather_payloads(source, rows, payload)
+    values = payload.view(form)[:, 0]
+    sender = rows[:, 0] + np.where(source[rows[:, 0]] == V1, 3, 5)
+    return MessageTable(
+        name=message.msgname,
+        place=rows[:, 4],
+        record_time_s=_record_time(rows[:, 3]),
+        system=source[sender].astype(np.int64),
+        component=source[sender + 1].astype(np.int64),
+        columns={name: _owned(values[name]) for name in message.fieldnames},
+    )
+
+
+def _record_time(stamp_us: Ints) -> Floats:
+    return np.where(stamp_us >= 0, stamp_us.astype(float) * 1e-6, np.nan)
+
+
+def _owned(column: Column) -> Column:
+    return np.ascontiguousarray(column)
