@@ -39,7 +39,8 @@ def dumps(value: Any) -> str:
 def plain(value: Any) -> Any:
     """`value` in JSON's own types."""
     if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+        listed = value.tolist()
+        return listed if value.dtype.kind == "f" and np.isfinite(value).all() else plain(listed)
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, str | bool | int) or value is None:
@@ -77,8 +78,8 @@ def polynomial(motion: Motion) -> dict[str, Any]:
 
 def short(values: Floats, digits: int = 9) -> Floats:
     """`values`, any shape, to so many significant digits; below those, machines may differ."""
-    flat = [float(f"{v:.{digits}g}") for v in np.ravel(values).tolist()]
-    return np.array(flat).reshape(np.shape(values))
+    form = f"%.{digits}g"
+    return np.array([float(form % v) for v in np.ravel(values).tolist()]).reshape(np.shape(values))
 
 
 def _document(results: Results) -> dict[str, Any]:
@@ -173,12 +174,12 @@ def _motion(motion: Motion, solution: Solution) -> dict[str, Any]:
     return told
 
 
-def _band(motion: Motion) -> list[Any] | None:
+def _band(motion: Motion) -> Floats | None:
     """Element [i][j] holds the covariance of coefficient i with i + j, row by row (ee, en, eu, ne, ...)."""
     if motion.covariance_band is None:
         return None
     p, width = motion.covariance_band.shape[:2]
-    return [[block.tolist() for block in row] for row in short(motion.covariance_band).reshape(p, width, 9)]
+    return short(motion.covariance_band).reshape(p, width, 9)
 
 
 def _power_covariance(motion: Motion, epoch_s: float, degree: int) -> Floats:
@@ -216,6 +217,6 @@ def _laid_out(value: Any, indent: str) -> str:
     if isinstance(value, dict) and value:
         parts = [f"{json.dumps(key, ensure_ascii=False)}: {_laid_out(item, inner)}" for key, item in value.items()]
         return "{\n" + ",\n".join(inner + part for part in parts) + f"\n{indent}}}"
-    if isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+    if isinstance(value, list) and value and isinstance(value[0], dict | list):
         return "[\n" + ",\n".join(inner + _laid_out(item, inner) for item in value) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -52,7 +52,7 @@ class CsvTable:
         """(n,) finite numbers; NaN for an empty cell where that is allowed."""
         cells = self.columns[column]
         try:
-            values = np.array([float(cell) if cell else np.nan for cell in cells])
+            values = np.array(list(map(float, cells)))
         except ValueError:
             values = np.array([_number_or_nan(cell) for cell in cells])
         bad = ~np.isfinite(values)
