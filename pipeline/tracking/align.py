@@ -25,6 +25,8 @@ ITERATIONS, ENOUGH_PX = 10, 0.004
 SHARED_NOISE = 8.0  # pixels that one independent value of the noise covers, after smoothing and compression
 ROBUST = 2.5  # sigmas at which a pixel has lost half its say
 REACH_PX = 5.0
+DOUBT = 7.0**2  # added to the spread of a pixel where it votes
+TOLERANCE = 4.0**2, 15.0**2  # least and largest squared residual (grey levels) that a pixel may be forgiven, one sigma
 # scale, rotation, shears: what one frame may change
 SHAPE_SIGMA = np.array([0.01, 0.02, 0.007, 0.007])
 GAIN_SIGMA, BRIGHTNESS_SIGMA = 0.1, 10.0
@@ -158,7 +160,9 @@ def _judged(
     residual = ((light - template.pixels) ** 2).mean(axis=2)
     core = template.core & (inside > 0)
     wide = max(1, int(template.core.sum()))
-    agreeing = float((residual[core] < ROBUST**2 * np.maximum(template.spread[core], 16.0)).sum() / wide)
+    tolerance = ROBUST**2 * np.clip(template.spread[core], *TOLERANCE)
+    trust = 1.0 / (template.spread[core] + DOUBT)
+    agreeing = float((trust * (residual[core] < tolerance)).sum() / max(1e-9, float(trust.sum())))
     position = warp.linear @ inverse[:2, :2] @ warp.linear.T
     return Alignment(
         warp=warp,
@@ -186,7 +190,7 @@ def _score(template: Template, seen: Pixels, core: np.ndarray) -> float:
     """Correlation over the box, each colour about its own mean, pixels weighted by what is expected of them."""
     if core.sum() < 4:
         return -1.0
-    weight = (1.0 / (template.spread[core] + 100.0))[:, None]
+    weight = (1.0 / (template.spread[core] + DOUBT))[:, None]
     a, b = template.pixels[core], seen[core]
     total = weight.sum()
     a, b = a - (weight * a).sum(axis=0) / total, b - (weight * b).sum(axis=0) / total

@@ -98,7 +98,7 @@ def _fit(prev: npt.NDArray[np.float32], cur: npt.NDArray[np.float32]) -> Floats:
     found, inlier = cv2.findHomography(prev, cur, cv2.RANSAC, 0.5, maxIters=200, confidence=0.995)
     if found is not None and inlier.sum() >= max(FEWEST, 0.4 * len(prev)) and _gentle(np.asarray(found, float), prev):
         return np.asarray(found, float)
-    like: Floats | None = cv2.estimateAffinePartial2D(prev, cur, method=cv2.RANSAC, ransacReprojThreshold=1.0)[0]
+    like: np.ndarray | None = cv2.estimateAffinePartial2D(prev, cur, method=cv2.RANSAC, ransacReprojThreshold=1.0)[0]
     if like is None:
         return np.eye(3)
     return np.vstack([like, [0.0, 0.0, 1.0]])

@@ -10,7 +10,7 @@ hidden    no learning; the region where the target can be is searched (`search`)
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,8 +25,11 @@ from pipeline.tracking.template import Template, Warp, adapted, first_template
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS = 2  # frames after a find that must agree with it
-LEAST_AGREEING, LEAST_INSIDE = 0.5, 0.7
-LEARN_SCORE = 0.8
+LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
+# what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
+TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
+USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
+WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
 SIGMA_FLOOR_PX, SIGMA_SCALE = 0.05, 1.0
 
@@ -45,18 +48,29 @@ class Fix:
 class Followed:
     """A target between two frames.
 
+    usual    (score, share agreeing) of this target when all of it is seen
     pending  fixes after a loss that wait for confirmation; None while not in doubt
     lost_s   how long it has been hidden
+    fixes, travelled_px  so far; the way is over the ground
     """
 
     template: Template
     linear: Floats
     course: Course
     coarse: Coarse | None
-    usual_score: float = 0.9
+    usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
     hidden: bool = False
     pending: tuple[Fix, ...] = ()
+    fixes: int = 0
+    travelled_px: float = 0.0
+
+    @property
+    def new(self) -> bool:
+        """Whether it has not yet moved enough over the ground to tell it from what is around it in its box."""
+        return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * float(
+            np.sqrt(np.prod(self.template.size_px))
+        )
 
 
 def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
@@ -84,7 +98,7 @@ def follow(
     if found is None:
         gone = replace(target, hidden=True, coarse=None, lost_s=dt_s, pending=())
         return gone, ()
-    target = _learned(target, image, found, settings)
+    target = _learned(target, image, found, dt_s, settings)
     fix = _fix(frame, found)
     if not target.pending:
         return target, (fix,)
@@ -103,11 +117,11 @@ def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple
         target = replace(target, coarse=coarse)
     if start is not None:
         found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
-        if _holds(target, found, settings.accept_score):
+        if _holds(target, found, settings.accept_score, TO_FOLLOW):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
     near = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
-    if near is not None and _holds(target, near, settings.accept_score):
+    if near is not None and _holds(target, near, settings.accept_score, TO_FOLLOW):
         return replace(target, coarse=None), near
     return target, None
 
@@ -122,10 +136,10 @@ def _searched(
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     reach = 4.0 + 3.0 * target.course.sigma_px
     found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 2.0)
-    if found is None or not _holds(target, found, max(settings.return_score, settings.accept_score)):
+    if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
         return target, ()
     target = replace(target, hidden=False, coarse=None)
-    return replace(_learned(target, image, found, settings, learn=False), pending=(_fix(frame, found),)), ()
+    return replace(_learned(target, image, found, dt_s, settings, learn=False), pending=(_fix(frame, found),)), ()
 
 
 def _in_view(course: Course, image: Image) -> bool:
@@ -135,14 +149,14 @@ def _in_view(course: Course, image: Image) -> bool:
     return bool(-slack < x < width + slack and -slack < y < height + slack)
 
 
-def _holds(target: Followed, found: Alignment, least_score: float) -> bool:
+def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
     """Verification: it looks like the target, most of it is there, and it is where it can be."""
     size = float(np.sqrt(np.prod(target.template.size_px)))
     scale = np.sqrt(abs(np.linalg.det(found.warp.linear)))
     gate = GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
+    seen = np.array([found.score, found.agreeing])
     return (
-        found.score >= max(least_score, target.usual_score - 0.3)
-        and found.agreeing >= LEAST_AGREEING
+        bool(np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - slack)))
         and found.inside >= LEAST_INSIDE
         and bool(np.hypot(*(found.warp.centre_px - target.course.position_px)) < gate)
         and 0.7 < scale / np.sqrt(abs(np.linalg.det(target.linear))) < 1.4
@@ -150,23 +164,31 @@ def _holds(target: Followed, found: Alignment, least_score: float) -> bool:
 
 
 def _learned(
-    target: Followed, image: Image, found: Alignment, settings: TrackingSettings, learn: bool = True
+    target: Followed, image: Image, found: Alignment, dt_s: float, settings: TrackingSettings, learn: bool = True
 ) -> Followed:
     """The target after an accepted fix: course, shape, look, and a coarse tracker that is where the fix is."""
-    learn = learn and not target.pending and found.score > LEARN_SCORE
-    rate = settings.adaptation if learn else 0.0
-    template = adapted(target.template, found.seen, found.residual, rate) if learn else target.template
+    quality = np.array([found.score, found.agreeing])
+    whole = bool(np.all(quality >= target.usual - TO_LEARN))
+    learn = learn and not target.pending and (whole or target.new)
+    template = target.template
+    if learn:
+        spread_rate = max(SPREAD_RATE, 1.0 / (target.fixes + 3.0)) if target.new else SPREAD_RATE
+        template = adapted(template, found.seen, found.residual, settings.adaptation, spread_rate)
     coarse = target.coarse
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
+    usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
+    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found)))
     return replace(
         target,
         template=template,
         linear=found.warp.linear,
-        course=corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found))),
+        course=course,
         coarse=coarse,
-        usual_score=target.usual_score + 0.05 * (found.score - target.usual_score),
+        usual=target.usual + usual_rate * (quality - target.usual),
         lost_s=0.0,
+        fixes=target.fixes + 1,
+        travelled_px=target.travelled_px + float(np.hypot(*course.velocity)) * dt_s,
     )
 
 

@@ -21,8 +21,7 @@ Pixels = npt.NDArray[np.float32]
 
 LARGEST_PIXELS = 1600  # finer templates gain nothing
 SMOOTHING_PX = 0.7  # of image and template alike, in template pixels: against noise and interpolation error
-NOISE_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 25.0**2, 80.0**2  # squared grey levels
-SPREAD_RATE = 0.05
+NOISE_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 25.0**2, 40.0**2  # squared grey levels
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,14 +122,15 @@ class Patch:
         return np.asarray(seen, np.float32)
 
 
-def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float) -> Template:
+def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float, spread_rate: float) -> Template:
     """The template after an accepted frame.
 
-    seen      (h, w, 3) the frame under the found warp, brought to the template's brightness
-    residual  (h, w) squared residual, mean over the colours
-    rate      share of the frame that enters
+    seen         (h, w, 3) the frame under the found warp, brought to the template's brightness
+    residual     (h, w) squared residual, mean over the colours
+    rate         share of the frame that enters the look
+    spread_rate  share of the frame that enters the spread
     """
-    spread = template.spread + SPREAD_RATE * (np.minimum(residual, LARGEST_SPREAD) - template.spread)
+    spread = template.spread + np.float32(spread_rate) * (np.minimum(residual, LARGEST_SPREAD) - template.spread)
     return replace(
         template,
         pixels=template.pixels + np.float32(rate) * (seen - template.pixels),
