@@ -31,7 +31,7 @@ def true_position(truth: Trajectory, time_s: Floats) -> Floats:
 def position_error(found: Trajectory, truth: Trajectory) -> Floats:
     """Found minus true (n, 3), at the found trajectory's times that the truth covers."""
     inside = (found.time_s >= truth.time_s[0]) & (found.time_s <= truth.time_s[-1])
-    return found.position_enu_m[inside] - true_position(truth, found.time_s[inside])
+    return np.asarray(found.position_enu_m[inside] - true_position(truth, found.time_s[inside]))
 
 
 def _positions(results: Results, before: Solution, truth: Truth) -> list[Comparison]:

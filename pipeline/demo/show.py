@@ -12,12 +12,12 @@ from pathlib import Path
 from calibration import Board, calibrate_files, write_camera
 from pipeline.demo.compare import compare
 from pipeline.flight import read_flight
-from pipeline.records import Comparison, Results, SolverSettings
+from pipeline.records import Results, SolverSettings
 from pipeline.report import render_report
 from pipeline.solver import solve
 from pipeline.stages import RunSummary
-from pipeline.stages.progress import Progress, silent
 from pipeline.stages.ledger import Ledger
+from pipeline.stages.progress import Progress, silent
 from pipeline.stages.run import run_poses, run_solve, run_track
 from pipeline.synthetic import demo_scene, read_truth, write_flight
 

@@ -187,10 +187,18 @@ def _from_table(
     if not len(frame) and table.frame is not None:
         frame, time = table.frame, table.frame / rate
     where = flight.key(camera.name, "telemetry")
+    if table.frame is None and isinstance(camera.start, str):
+        raise UsageError(
+            where=flight.key(camera.name, "start"),
+            seen=f'"{camera.start}" beside a table of poses by time_s',
+            expected="seconds on the table's own clock",
+            advice="write start = 12.34, the time_s of the video's frame 0",
+        )
     start = camera.start if isinstance(camera.start, float) else 0.0
-    at = lambda frames, log_time: table_poses(  # noqa: E731
-        table, camera=camera.name, frame=frames, log_time_s=log_time, where=where
-    )
+
+    def at(frames: Ints, log_time_s: Floats) -> PoseTrack:
+        return table_poses(table, camera=camera.name, frame=frames, log_time_s=log_time_s, where=where)
+
     poses_at = None if table.frame is not None else (lambda base: lambda shift: at(base.frame, base.time_s + shift))
     utc = _utc_of_text(flight, camera)
     return MeasuredPoses(
