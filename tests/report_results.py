@@ -243,7 +243,7 @@ def _candidates(cameras: int) -> tuple[OffsetCandidate, ...]:
 
 
 def _trajectory(motion: Motion) -> Trajectory:
-    time = np.linspace(motion.start_s, motion.end_s, int(round((motion.end_s - motion.start_s) * 10)) + 1)
+    time = np.linspace(motion.start_s, motion.end_s, round(10 * (motion.end_s - motion.start_s)) + 1)
     return Trajectory(
         target=motion.target,
         time_s=time,

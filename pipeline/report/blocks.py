@@ -12,7 +12,7 @@ from pipeline.report.markup import Html, joined, tag
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A part of the page with a heading, an anchor and a `short` name for the contents; `folded` parts open on demand."""
+    """A part of the page: heading, anchor, `short` name for the list of contents; `folded` parts open on demand."""
 
     anchor: str
     heading: str

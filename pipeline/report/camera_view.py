@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.records import Bias, PoseTrack, Results
 from pipeline.report import cast
@@ -17,6 +17,7 @@ from pipeline.report.plot import chart, line, panel
 from pipeline.report.words import SIGMA, plus_minus
 
 TURNS = ("about x (nods)", "about y (pans)", "about z (rolls)")
+AXIS_TONES = ("c1", "c2 robust", "c0 up")
 SAMPLES = 600
 
 
@@ -110,24 +111,24 @@ def _over_time(results: Results) -> Html:
                 panels.append(_turn_panel(results, measured.camera, frames, turn))
     if not panels:
         return Html("")
-    keys = (key("line", TURNS[0]), key("line up", TURNS[1]), key("line robust", TURNS[2]))
-    legend = tag("ul", *(tag("li", k) for k in keys), class_="legend c-ink")
+    keys = (tag("li", key(f"line {tone}", words)) for tone, words in zip(AXIS_TONES, TURNS, strict=True))
+    legend = tag("ul", *keys, class_="legend")
     return joined(tag("h3", "Attitude correction frame by frame"), figure(*panels, legend=legend))
 
 
-def _turns_deg(measured: PoseTrack, refined: PoseTrack) -> tuple[Floats, Floats]:
+def _turns_deg(measured: PoseTrack, refined: PoseTrack) -> tuple[Ints, Floats]:
     common, a, b = np.intersect1d(measured.frame, refined.frame, return_indices=True)
     at = cast.thinned(len(common), SAMPLES)
     before, after = measured.enu_from_cam[a[at]], refined.enu_from_cam[b[at]]
     turn = rotation.log(rotation.multiply(rotation.conjugate(after), before))
-    return common[at], np.degrees(turn)
+    return np.asarray(common[at], np.int64), np.degrees(turn)
 
 
-def _turn_panel(results: Results, camera: str, frames: Floats, turn_deg: Floats) -> Html:
-    time = cast.frame_times(results, camera, frames.astype(np.int64))
+def _turn_panel(results: Results, camera: str, frames: Ints, turn_deg: Floats) -> Html:
+    time = cast.frame_times(results, camera, frames)
     p = panel(span(time, pad=0), span(turn_deg, np.zeros(1), least=0.01))
-    marks = [line(p, time, turn_deg[:, k], ("line", "line up", "line robust")[k]) for k in range(3)]
+    marks = [line(p, time, turn_deg[:, k], f"line {AXIS_TONES[k]}") for k in range(3)]
     return chart(
-        p, [tag("g", *marks, class_="c-ink")], label=f"Attitude correction of {camera} over time", title=camera,
+        p, marks, label=f"Attitude correction of {camera} over time", title=camera,
         x_label="common time, s", y_label="correction, degrees", time=True,
     )  # fmt: skip

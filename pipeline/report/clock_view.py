@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from pipeline.records import Clock, Results, Solution
-from pipeline.report import cast
 from pipeline.report.axes import span
 from pipeline.report.blocks import figure, note, table
 from pipeline.report.markup import Html, joined, tag
@@ -57,7 +56,8 @@ def _drifts(results: Results) -> Html:
 
 
 def _drift(clock: Clock) -> Html:
-    assert clock.deviation_frame is not None and clock.deviation_s is not None
+    assert clock.deviation_frame is not None
+    assert clock.deviation_s is not None
     time = clock.deviation_frame / clock.frame_rate + clock.offset_s
     ms = 1e3 * clock.deviation_s
     sigma = np.zeros_like(ms) if clock.deviation_sigma_s is None else 1e3 * np.nan_to_num(clock.deviation_sigma_s)

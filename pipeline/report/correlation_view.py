@@ -99,7 +99,11 @@ def _cell(r: float, x: float, y: float, side: float, labelled: bool) -> Html:
     if not labelled:
         return square
     words = tag(
-        "text", fixed(float(r), 2), x=x + side / 2, y=y + side / 2, class_="value strong" if strength > 0.6 else "value"
+        "text",
+        fixed(float(r), 2),
+        x=x + side / 2,
+        y=y + side / 2,
+        class_="value" + " strong" * (strength > 0.75),
     )
     return tag("g", square, words)
 

@@ -18,7 +18,7 @@ from pipeline.report import cast
 from pipeline.report.axes import nice_step, round_ticks, span, tick_words
 from pipeline.report.blocks import figure, key, note, target_legend
 from pipeline.report.cast import CameraPath
-from pipeline.report.ellipses import enlargement, ellipse_path
+from pipeline.report.ellipses import ellipse_path, enlargement
 from pipeline.report.markup import Html, joined, path, specks, tag
 from pipeline.report.placing import Box, place
 from pipeline.report.words import SIGMA, TIMES, degrees_of_place, rounded
@@ -106,7 +106,8 @@ def _map(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tuple[
 
 
 def _spoken(sheet: Sheet) -> str:
-    return f"{rounded(sheet.width / sheet.scale, 3)} m from west to east, {rounded(sheet.height / sheet.scale, 3)} m from south to north."
+    across, up = (rounded(side / sheet.scale, 3) for side in (sheet.width, sheet.height))
+    return f"{across} m from west to east, {up} m from south to north."
 
 
 def _legend(results: Results) -> Html:
@@ -121,7 +122,8 @@ def _legend(results: Results) -> Html:
 
 def _caption(results: Results, sheet: Sheet, factor: int, every: float) -> str:
     size = "at true size" if factor == 1 else f"drawn {factor} {TIMES} larger than they are"
-    words = f"Ellipses of one and two sigma are {size}. Rings mark where a target starts, discs where it ends, small dots every {rounded(every, 1)} s."
+    dots = f"Rings mark where a target starts, discs where it ends, small dots every {rounded(every, 1)} s."
+    words = f"Ellipses of one and two sigma are {size}. {dots}"
     if results.origin is None:
         return f"{words} East and north in metres from the local origin."
     corners = np.array([[0.0, sheet.height], [sheet.width, 0.0]]) / sheet.scale
@@ -153,7 +155,7 @@ def _grid(sheet: Sheet) -> list[Html]:
     for value, words in round_ticks(south, sheet.north, step=step):
         at = (sheet.north - value) * sheet.scale
         out.append(tag("line", x1=0, x2=sheet.width, y1=at, y2=at, class_="grid"))
-        if 30 < at < sheet.height - 75:
+        if 38 < at < sheet.height - 75:
             out.append(tag("text", words, x=5, y=at - 4, class_="tick"))
     return [
         *out,

@@ -109,7 +109,8 @@ def chart(
     `marks` are cut off at the plot area, `over` is not.
     """
     w, h = p.inner
-    grid = [*_x_axis(p, x_count), *_y_axis(p, p.y.ticks(y_count), True) if y_ticks is None else _y_axis(p, y_ticks, False)]
+    y_axis = _y_axis(p, p.y.ticks(y_count), True) if y_ticks is None else _y_axis(p, y_ticks, False)
+    grid = [*_x_axis(p, x_count), *y_axis]
     clipped = tag("svg", *marks, width=w, height=h, overflow="hidden")
     names = [
         tag("text", x_label, x=w / 2, y=h + 34, class_="name", text_anchor="middle"),
@@ -120,7 +121,9 @@ def chart(
     if time:
         moment = {"data_t0": f"{p.x.low:.6g}", "data_t1": f"{p.x.high:.6g}", "data_x0": p.left, "data_x1": p.left + w}
         body = joined(body, tag("line", class_="moment", y1=p.top, y2=p.top + h, x1=-9, x2=-9))
-    svg = tag("svg", tag("title", label), body, viewBox=f"0 0 {p.width} {p.height}", role="img", class_="chart", **moment)
+    svg = tag(
+        "svg", tag("title", label), body, viewBox=f"0 0 {p.width} {p.height}", role="img", class_="chart", **moment
+    )
     head = tag("h4", title) if title else Html("")
     return tag("div", head, svg, class_="panel")
 

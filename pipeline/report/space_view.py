@@ -131,7 +131,7 @@ def _camera(results: Results, path: CameraPath) -> Mapping[str, Any]:
 
 
 def focal_px(results: Results, camera: str) -> float:
-    """Focal length that the sightings suggest, good enough to draw a viewing pyramid; the image's width if none does."""
+    """Focal length that the sightings suggest, good enough to draw with; the image's width if none does."""
     sightings = results.solution.sightings
     width, height = results.image_size.get(camera, (4, 3))
     poses = next((p for p in results.solution.poses if p.camera == camera), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -54,5 +55,5 @@ def losses(results: Results, target: str) -> int:
     count = 0
     for track in (t for t in results.tracks if t.target == target):
         states = [s.state for s in spells(results, track)]
-        count += sum(1 for a, b in zip(states, states[1:], strict=False) if a == LOST and b != LOST)
+        count += sum(1 for a, b in pairwise(states) if a == LOST and b != LOST)
     return count

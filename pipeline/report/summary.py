@@ -109,7 +109,7 @@ def _about_fit(solution: Solution) -> list[Remark]:
         return [Remark(grade="good", subject="fit", words=f"Residuals are as large as their sigmas promise: {tail}.")]
     factor = rounded(math.sqrt(ratio))
     if ratio > 1:
-        words = f"Residuals are {factor} times as large as their sigmas promise ({tail}): true errors may exceed the claimed ones by as much."
+        words = f"Residuals are {factor} times as large as their sigmas promise ({tail}): true errors may be, too."
     else:
         words = f"Residuals are only {factor} of what their sigmas promise ({tail}): the sigmas given are too cautious."
     return [Remark(grade="care", subject="fit", words=words)]
@@ -134,7 +134,8 @@ def _about_truth(results: Results) -> list[Remark]:
     if not off:
         words = f"Compared with the truth, all {len(rows)} figures with a claimed sigma are within 3 of it."
         return [Remark(grade="good", subject="truth", words=words)]
-    words = f"Compared with the truth, {len(off)} of {len(rows)} figures are off by more than 3 claimed sigmas: {listed(off[:4])}."
+    share = f"{len(off)} of {len(rows)} figures are off by more than 3 claimed sigmas"
+    words = f"Compared with the truth, {share}: {listed(off[:4])}{' and others' if len(off) > 4 else ''}."
     return [Remark(grade="care", subject="truth", words=words)]
 
 

@@ -109,7 +109,7 @@ def _sigma_panel(results: Results, track: Trajectory, robust: Motion | None) -> 
             line(p, track.time_s, other[:, 0], "line robust"),
             line(p, track.time_s, other[:, 1], "line up robust"),
         ]
-    drawing = chart(
+    return chart(
         p,
         [tag("g", *marks, class_=cast.tone(results, track.target)), *_seen_strips(results, p, track.target)],
         label=f"Position sigma of {track.target} over time",
@@ -118,7 +118,6 @@ def _sigma_panel(results: Results, track: Trajectory, robust: Motion | None) -> 
         y_label="sigma, m (log)" if wide else "sigma, m",
         time=True,
     )
-    return drawing
 
 
 def _two_sigmas(covariance: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.records import Comparison, Results, Trajectory
 from pipeline.report import cast
-from pipeline.report.axes import span
+from pipeline.report.axes import Scale
 from pipeline.report.blocks import figure, key, note, table
 from pipeline.report.markup import Html, joined, tag
 from pipeline.report.plot import band, chart, line, panel
@@ -71,7 +71,7 @@ def _unit_bars(unit: str, rows: list[Comparison]) -> Html:
     low, high = 10 ** math.floor(math.log10(min(values)) - 0.3), 10 ** math.ceil(math.log10(max(values)) + 0.05)
     n, left = len(rows), 150
     p = panel((low, high), (-n + 0.5, 0.5), height=64 + 30 * n, left=left, log_x=True)
-    marks = [_bar_pair(r, p.x.at, p.y.at(-i)) for i, r in enumerate(rows)]
+    marks = [_bar_pair(r, p.x, p.y.at(-i)) for i, r in enumerate(rows)]
     ticks = [(-float(i), _short(r.what, 21)) for i, r in enumerate(rows)]
     label = f"Errors in {unit} before and after: " + "; ".join(
         f"{r.what} {_or_dash(r.before)} to {_or_dash(r.after)}" for r in rows
@@ -79,20 +79,17 @@ def _unit_bars(unit: str, rows: list[Comparison]) -> Html:
     return chart(p, marks, label=label, title=f"In {unit}", x_label=f"error, {unit} (log)", y_ticks=ticks)
 
 
-def _bar_pair(row: Comparison, x_at: object, y: float) -> Html:
-    px = {
-        k: x_at(abs(v))
-        for k, v in (("before", row.before), ("after", row.after), ("claim", row.sigma))
-        if math.isfinite(v) and v != 0
-    }  # type: ignore[operator]
-    out = []
-    if "before" in px:
-        out.append(tag("path", d=f"M0 {y - 5:.1f}H{px['before']:.1f}", class_="bar-before"))
-    if "after" in px:
-        out.append(tag("path", d=f"M0 {y + 5:.1f}H{px['after']:.1f}", class_="bar-after"))
-    if "claim" in px:
-        out.append(tag("path", d=f"M{px['claim']:.1f} {y - 1:.1f}V{y + 11:.1f}", class_="bar-claim"))
-    return tag("g", *out)
+def _bar_pair(row: Comparison, x: Scale, y: float) -> Html:
+    def at(value: float) -> str | None:
+        return f"{x.at(abs(value)):.1f}" if math.isfinite(value) and value != 0 else None
+
+    before, after, claim = at(row.before), at(row.after), at(row.sigma)
+    return tag(
+        "g",
+        tag("path", d=f"M0 {y - 5:.1f}H{before}", class_="bar-before") if before else "",
+        tag("path", d=f"M0 {y + 5:.1f}H{after}", class_="bar-after") if after else "",
+        tag("path", d=f"M{claim} {y - 1:.1f}V{y + 11:.1f}", class_="bar-claim") if claim else "",
+    )
 
 
 def _short(words: str, most: int) -> str:
