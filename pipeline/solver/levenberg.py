@@ -44,7 +44,8 @@ class Fit:
 
 def levenberg_marquardt(
     model: Model, start: State, *, max_iterations: int = 100, small: float = SMALL,
-    first_damping: float = FIRST_DAMPING, progress: Progress | None = None, renew: Callable[[Model, State], Model] | None = None,
+    first_damping: float = FIRST_DAMPING, progress: Progress | None = None,
+    renew: Callable[[Model, State], Model] | None = None,
 ) -> Fit:  # fmt: skip
     """Minimise from `start`. `renew` may replace the model's data after a step (poses taken at moved times)."""
     here = linear(model, start)
