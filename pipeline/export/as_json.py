@@ -104,7 +104,9 @@ def _document(results: Results) -> dict[str, Any]:
         "biases": [_bias(b) for b in s.biases],
         "motions": [_motion(m, s) for m in s.motions],
         "shared": _shared(s),
-        "offset_candidates": [{"offset_s": c.offset_s, "cost": c.cost} for c in s.offset_candidates],
+        "offset_candidates": [
+            {"offset_s": c.offset_s, "frame_rate": c.frame_rate, "cost": c.cost} for c in s.offset_candidates
+        ],
         "findings": [
             {"kind": f.kind, "subject": f.subject, "words": f.words, "carried_by": f.carried_by} for f in s.findings
         ],

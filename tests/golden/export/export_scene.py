@@ -170,7 +170,7 @@ def solution() -> Solution:
         findings=(Finding(kind="time-gauge", subject="uav1", words="No clock is absolute.", carried_by="uav1"),),
         offset_candidates=(
             OffsetCandidate(offset_s={"uav2": 1.5}, cost=12.5),
-            OffsetCandidate(offset_s={"uav2": 9.0}, cost=80.0),
+            OffsetCandidate(offset_s={"uav2": 9.0}, cost=80.0, frame_rate={"uav2": 25.125}),
         ),
         shared_names=("uav2.offset_s", "uav2.frame_rate"),
         shared_covariance=np.array([[4e-6, 1e-7], [1e-7, 1e-8]]),

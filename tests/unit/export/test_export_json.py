@@ -133,7 +133,7 @@ def test_what_is_unknown_and_why() -> None:
         "utc_at_common_time_0": None,
     }
     assert told["findings"][0]["words"] == "No clock is absolute."
-    assert told["offset_candidates"][1] == {"offset_s": {"uav2": 9.0}, "cost": 80.0}
+    assert told["offset_candidates"][1] == {"offset_s": {"uav2": 9.0}, "frame_rate": {"uav2": 25.125}, "cost": 80.0}
     assert list(told["inputs_sha256"]) == ["flight.toml", "uav2.tlog"]
 
 
