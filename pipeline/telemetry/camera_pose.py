@@ -20,8 +20,8 @@ from pipeline.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_axes_turn_many, enu_from_geodetic, geodetic_from_enu
 from pipeline.records import PoseTrack
-from pipeline.telemetry.flight_log import AttitudeSeries, FlightLog, GimbalSeries, PositionSeries
-from pipeline.telemetry.gimbal_frames import heading_turn
+from pipeline.telemetry.flight_log import EARTH, AttitudeSeries, FlightLog, GimbalSeries, PositionSeries
+from pipeline.telemetry.gimbal_frames import ned_from_mount
 from pipeline.telemetry.missing import missing_attitude, missing_gimbal, missing_position
 
 MAX_GAP_S = 3.0
@@ -124,23 +124,20 @@ def body_attitude(log: FlightLog, frame: Ints, time_s: Floats, where: str) -> Fl
 
 
 def gimbal_attitude(log: FlightLog, frame: Ints, time_s: Floats, body: Floats | None, where: str) -> Floats:
-    """ned_from_gimbal (n, 4) at log times (n,); `body` (n, 4) gives the heading a vehicle-frame yaw counts from."""
+    """ned_from_gimbal (n, 4) at log times (n,); `body` (n, 4) is what its angles may count from."""
     series = log.gimbal
     if series is None or series.valid.sum() < 2:
         raise missing_gimbal(log, where)
     keep = series.valid
-    stamp, q, earth = series.time_s[keep], series.attitude[keep], series.earth_yaw[keep]
+    stamp, q, kind = series.time_s[keep], series.attitude[keep], series.frame[keep]
     span = _spans(log, where, series.source, stamp, time_s, frame)
-    if earth.all():
-        return _slerp_at(stamp, q, time_s, span)
-    if not earth.any():
-        assert body is not None
-        return rotation.multiply(heading_turn(body), _slerp_at(stamp, q, time_s, span))
+    if np.all(kind == kind[0]):  # in its own frame a stabilised mount moves least
+        facing = _slerp_at(stamp, q, time_s, span)
+        return facing if body is None else ned_from_mount(facing, np.full(len(time_s), kind[0]), body)
     used = np.unique(np.concatenate([span, span + 1]))
+    then = body_attitude(log, np.full(len(used), -1), stamp[used], where)
     turned = q.copy()
-    vehicle = used[~earth[used]]
-    heading = heading_turn(body_attitude(log, np.full(len(vehicle), -1), stamp[vehicle], where))
-    turned[vehicle] = rotation.multiply(heading, q[vehicle])
+    turned[used] = ned_from_mount(q[used], kind[used], then)
     return _slerp_at(stamp, turned, time_s, span)
 
 
@@ -175,7 +172,7 @@ def velocities_fit(stamp_s: Floats, enu_m: Floats, velocity_mps: Floats) -> bool
 
 
 def _needs_body(gimbal: GimbalSeries | None, lever: Floats) -> bool:
-    return bool(lever.any()) or gimbal is None or not bool(gimbal.earth_yaw[gimbal.valid].all())
+    return bool(lever.any()) or gimbal is None or not bool((gimbal.frame[gimbal.valid] == EARTH).all())
 
 
 def _local(position: PositionSeries, origin: Geodetic) -> tuple[Floats, Floats]:

@@ -12,7 +12,17 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import fit_clock, plausible_utc, settled, utc_from_gps
-from pipeline.telemetry.flight_log import Accuracy, AttitudeSeries, ClockFit, FlightLog, GimbalSeries, PositionSeries
+from pipeline.telemetry.flight_log import (
+    EARTH,
+    HEADING,
+    Accuracy,
+    AttitudeSeries,
+    ClockFit,
+    FlightLog,
+    GimbalSeries,
+    PositionSeries,
+)
+from pipeline.telemetry.gimbal_frames import told_frame
 from pipeline.telemetry.heights import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.series import attitude_series, denser, gimbal_series, median_of, position_series
 from pipeline.telemetry.tables import MessageTable, RawLog
@@ -20,13 +30,15 @@ from pipeline.telemetry.tables import MessageTable, RawLog
 POSITION_MESSAGES = ("POS", "GPS", "AHR2")
 GPS_UTC_FLOOR_S = 0.2
 """A receiver's message is logged when it has arrived and been parsed, 0.1 to 0.2 s after the moment it speaks of."""
+OLD_MOUNT = ("ActRoll", "ActPitch", "ActYaw")
 TRIM_NAMES = ("AHRS_TRIM_X", "AHRS_TRIM_Y", "AHRS_TRIM_Z")
 
 
 def dataflash_flight(raw: RawLog) -> FlightLog:
     """What a DataFlash log says of its vehicle."""
     position, notes = _position(raw)
-    gimbal, gimbal_notes = _gimbal(raw)
+    attitude = _attitude(raw)
+    gimbal, gimbal_notes = _gimbal(raw, attitude)
     events, source = _camera_events(raw)
     return FlightLog(
         path=raw.path,
@@ -34,7 +46,7 @@ def dataflash_flight(raw: RawLog) -> FlightLog:
         counts=raw.counts,
         corrupt_packets=raw.corrupt_packets,
         position=position,
-        attitude=_attitude(raw),
+        attitude=attitude,
         gimbal=gimbal,
         camera_event_s=events,
         camera_event_source=source,
@@ -159,18 +171,24 @@ def _trim(raw: RawLog) -> Floats:
     return np.array([value.get(name.encode(), 0.0) for name in TRIM_NAMES])
 
 
-def _gimbal(raw: RawLog) -> tuple[GimbalSeries | None, list[str]]:
-    """MNT: degrees; roll and pitch against the horizon, YawE against north, YawB against the vehicle."""
+def _gimbal(raw: RawLog, body: AttitudeSeries | None) -> tuple[GimbalSeries | None, list[str]]:
+    """MNT, degrees: roll and pitch against the horizon, YawE against north, YawB against the vehicle.
+
+    Old firmware has ActRoll, ActPitch, ActYaw and does not say against what.
+    """
     table = _first(raw.table("MNT"))
     if table is None:
         return None, []
-    names = ("Roll", "Pitch", "YawB", "YawE") if "Roll" in table else ("ActRoll", "ActPitch", "ActYaw", "ActYaw")
-    roll, pitch, body, north = (table.floats(name) for name in names)
-    earth = np.asarray(np.isfinite(north)) if "YawE" in table else np.zeros(len(table), dtype=bool)
-    if not (np.nan_to_num(roll).any() or np.nan_to_num(pitch).any() or np.nan_to_num(body).any()):
+    new = "YawB" in table
+    roll, pitch, yaw = (table.floats(name) for name in (("Roll", "Pitch", "YawB") if new else OLD_MOUNT))
+    if not any(np.nan_to_num(angle).any() for angle in (roll, pitch, yaw)):
         return None, ["MNT says zero throughout: no mount is attached, it is not used"]
-    q = rotation.ned_from_frd(*np.radians([np.where(earth, north, body), pitch, roll]))
-    return gimbal_series(source="MNT", time_s=time_of(table), attitude=q, earth_yaw=earth), []
+    north = table.floats("YawE")
+    earth = np.isfinite(north)
+    q = rotation.ned_from_frd(*np.radians([np.where(earth, north, yaw), pitch, roll]))
+    frame = np.where(earth, EARTH, HEADING)
+    series = gimbal_series(source="MNT", time_s=time_of(table), attitude=q, frame=frame)
+    return (series, []) if new else told_frame(series, body)
 
 
 def _camera_events(raw: RawLog) -> tuple[Floats, str]:

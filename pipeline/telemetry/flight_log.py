@@ -14,9 +14,10 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, frozen, settle
+from calibration.arrays import Bools, Floats, Ints, frozen, settle
 
 LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt"]
+EARTH, HEADING, BODY = 0, 1, 2
 Datum = Literal["ellipsoid", "mean sea level", "home"]
 
 
@@ -80,16 +81,17 @@ class AttitudeSeries:
 class GimbalSeries:
     """How the camera's mount was turned, as FRD axes (x along the optical axis, z the image's down).
 
-    time_s       (n,) log time
-    attitude     (n, 4) level_from_mount: from mount axes to a level frame (z down), NaN where invalid
-    earth_yaw    (n,) true: the level frame's x axis points north (it is NED); false: it points along the vehicle's
-                 heading, so that ned_from_mount = turn about down by the heading * attitude
+    time_s    (n,) log time
+    attitude  (n, 4) frame_from_mount, NaN where invalid
+    frame     (n,) what it counts from: EARTH (it is ned_from_mount), HEADING (roll and pitch against the horizon, yaw
+              against the vehicle's heading: ned_from_mount = turn about down by the heading * attitude) or BODY (all
+              three against the vehicle's body: ned_from_mount = ned_from_body * attitude)
     """
 
     source: str
     time_s: Floats
     attitude: Floats
-    earth_yaw: Bools
+    frame: Ints
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -97,7 +99,7 @@ class GimbalSeries:
             self,
             time_s=frozen(self.time_s, (n,), "time_s"),
             attitude=frozen(self.attitude, (n, 4), "attitude"),
-            earth_yaw=frozen(self.earth_yaw, (n,), "earth_yaw", np.bool_),
+            frame=frozen(self.frame, (n,), "frame", np.int64),
         )
 
     @property

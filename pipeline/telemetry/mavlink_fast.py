@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega
 
 from calibration.arrays import Floats, Ints
@@ -22,6 +21,7 @@ from pipeline.telemetry.mavlink_scan import (
     CORRUPT,
     CRC_TABLE,
     IDS,
+    STRANGE,
     V1,
     gather_payloads,
     scan_packets,
@@ -42,7 +42,7 @@ def read_mavlink_fast(path: Path, *, wanted: tuple[str, ...] = WANTED, progress:
     """
     data = mapped(path, expected="a MAVLink log")
     stamped = has_stamps(data, path)
-    rows, counts, corrupt = _scan(data, stamped, wanted, progress)
+    rows, counts, state = _scan(data, stamped, wanted, progress)
     kind: LogFormat = "tlog" if stamped else "mavlink"
     names = ardupilotmega.mavlink_map
     order = np.argsort(rows[:, 2], kind="stable")
@@ -56,7 +56,8 @@ def read_mavlink_fast(path: Path, *, wanted: tuple[str, ...] = WANTED, progress:
         format=kind,
         tables=tables,
         counts={names[int(i)].msgname: int(counts[i]) for i in np.flatnonzero(counts)},
-        corrupt_packets=corrupt,
+        corrupt_packets=int(state[CORRUPT]),
+        notes=(f"{state[STRANGE]} packets have ids that no known dialect defines",) if state[STRANGE] else (),
     )
 
 
@@ -79,14 +80,12 @@ def _extra() -> Ints:
     return extra
 
 
-def _scan(
-    data: Bytes, stamped: bool, wanted: tuple[str, ...], progress: Progress
-) -> tuple[Ints, npt.NDArray[np.int64], int]:
-    """Rows of `scan_packets`, counts by id, corrupt packets."""
+def _scan(data: Bytes, stamped: bool, wanted: tuple[str, ...], progress: Progress) -> tuple[Ints, Ints, Ints]:
+    """Rows of `scan_packets`, counts by id, and its final state."""
     listed = np.zeros(IDS, dtype=np.bool_)
     listed[[msgid for msgid, message in ardupilotmega.mavlink_map.items() if message.msgname in wanted]] = True
     counts, known = np.zeros(IDS, dtype=np.int64), np.zeros(IDS, dtype=np.bool_)
-    state = np.array([0, 0, -1, 0], dtype=np.int64)
+    state = np.array([0, 0, -1, 0, 0], dtype=np.int64)
     source = np.frombuffer(data, np.uint8)
     room, parts = np.empty((CHUNK, 5), dtype=np.int64), []
     while state[AT] < len(data):
@@ -94,7 +93,7 @@ def _scan(
         parts.append(room[:n].copy())
         if progress is not None:
             progress(float(state[AT]) / len(data))
-    return np.concatenate(parts), counts, int(state[CORRUPT])
+    return np.concatenate(parts), counts, state
 
 
 def _table(data: Bytes, message: Any, rows: Ints) -> MessageTable:

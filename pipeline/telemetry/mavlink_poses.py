@@ -11,11 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats
+from calibration.arrays import Floats, Ints
 from pipeline.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import BootClock, boot_clock, fit_clock, plausible_utc
 from pipeline.telemetry.flight_log import (
+    EARTH,
+    HEADING,
     Accuracy,
     AttitudeSeries,
     ClockFit,
@@ -23,7 +25,7 @@ from pipeline.telemetry.flight_log import (
     GimbalSeries,
     PositionSeries,
 )
-from pipeline.telemetry.gimbal_frames import yaw_is_earth
+from pipeline.telemetry.gimbal_frames import frame_of_flags, told_frame
 from pipeline.telemetry.heights import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.series import attitude_series, denser, gimbal_series, median_of, position_series
 from pipeline.telemetry.tables import MessageTable, RawLog
@@ -65,7 +67,8 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None) -> FlightLog:
     notes += _clock_notes(vehicle.clock)
     utc = _utc(vehicle)
     position, height_note = _position(vehicle)
-    gimbal, gimbal_notes = _gimbal(vehicle)
+    attitude = _attitude(vehicle)
+    gimbal, gimbal_notes = _gimbal(vehicle, attitude)
     events, event_source = _camera_events(vehicle, utc)
     return FlightLog(
         path=raw.path,
@@ -75,7 +78,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None) -> FlightLog:
         counts=raw.counts,
         corrupt_packets=raw.corrupt_packets,
         position=position,
-        attitude=_attitude(vehicle),
+        attitude=attitude,
         gimbal=gimbal,
         camera_event_s=events,
         camera_event_source=event_source,
@@ -240,22 +243,22 @@ def _attitude(vehicle: _Vehicle) -> AttitudeSeries | None:
     return attitude_series(source=table.name, time_s=_time(vehicle, table), ned_from_body=q)
 
 
-def _gimbal(vehicle: _Vehicle) -> tuple[GimbalSeries | None, list[str]]:
+def _gimbal(vehicle: _Vehicle, body: AttitudeSeries | None) -> tuple[GimbalSeries | None, list[str]]:
     device = vehicle.any("GIMBAL_DEVICE_ATTITUDE_STATUS")
     if device is not None:
         device, notes = _one_gimbal(device)
-        earth = yaw_is_earth(device.floats("flags"))
-        q = np.asarray(device.columns["q"], float)
-        return gimbal_series(source=device.name, time_s=_time(vehicle, device), attitude=q, earth_yaw=earth), notes
-    for name, read in (("MOUNT_ORIENTATION", _mount_orientation), ("MOUNT_STATUS", _mount_status)):
-        table = vehicle.any(name)
-        if table is None:
-            continue
-        q, earth = read(table)
-        if not np.isfinite(q).any():
-            return None, [f"{name} says zero throughout: no mount is attached, it is not used"]
-        return gimbal_series(source=name, time_s=_time(vehicle, table), attitude=q, earth_yaw=earth), []
-    return None, []
+        q, frame = np.asarray(device.columns["q"], float), frame_of_flags(device.floats("flags"))
+        return gimbal_series(source=device.name, time_s=_time(vehicle, device), attitude=q, frame=frame), notes
+    table = vehicle.any("MOUNT_ORIENTATION")
+    if table is not None:
+        q, frame = _mount_orientation(table)
+        return gimbal_series(source=table.name, time_s=_time(vehicle, table), attitude=q, frame=frame), []
+    table = vehicle.any("MOUNT_STATUS")
+    if table is None:
+        return None, []
+    if not any(table.floats(f"pointing_{axis}").any() for axis in "abc"):
+        return None, ["MOUNT_STATUS says zero throughout: no mount is attached, it is not used"]
+    return told_frame(_mount_status(vehicle, table), body)
 
 
 def _one_gimbal(table: MessageTable) -> tuple[MessageTable, list[str]]:
@@ -269,21 +272,21 @@ def _one_gimbal(table: MessageTable) -> tuple[MessageTable, list[str]]:
     return table.only(np.asarray(index.ravel() == best)), [said]
 
 
-def _mount_orientation(table: MessageTable) -> tuple[Floats, Bools]:
+def _mount_orientation(table: MessageTable) -> tuple[Floats, Ints]:
     """Degrees; roll and pitch against the horizon, yaw against the vehicle, yaw_absolute against north."""
     absolute, relative = table.floats("yaw_absolute"), table.floats("yaw")
     earth = np.isfinite(absolute) & ((absolute != 0) | ~np.isfinite(relative))
     yaw = np.where(earth, absolute, relative)
-    return rotation.ned_from_frd(*np.radians([yaw, table.floats("pitch"), table.floats("roll")])), np.asarray(earth)
+    q = rotation.ned_from_frd(*np.radians([yaw, table.floats("pitch"), table.floats("roll")]))
+    return q, np.where(earth, EARTH, HEADING)
 
 
-def _mount_status(table: MessageTable) -> tuple[Floats, Bools]:
-    """Hundredths of a degree: a is pitch, b roll, both against the horizon, c yaw against the vehicle."""
+def _mount_status(vehicle: _Vehicle, table: MessageTable) -> GimbalSeries:
+    """Hundredths of a degree: a is pitch, b roll, c yaw against the vehicle."""
     pitch, roll, yaw = (table.floats(f"pointing_{axis}") / 100 for axis in "abc")
     q = rotation.ned_from_frd(*np.radians([yaw, pitch, roll]))
-    if not (pitch.any() or roll.any() or yaw.any()):
-        q = np.full_like(q, np.nan)
-    return q, np.zeros(len(table), dtype=bool)
+    frame = np.full(len(table), HEADING)
+    return gimbal_series(source=table.name, time_s=_time(vehicle, table), attitude=q, frame=frame)
 
 
 def _camera_events(vehicle: _Vehicle, utc: ClockFit | None) -> tuple[Floats, str]:

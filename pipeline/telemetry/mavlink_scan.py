@@ -19,7 +19,7 @@ V1, V2, SIGNED = 0xFE, 0xFD, 1
 IDS = 1 << 16
 """Ids from here on are looked up as unknown: no dialect that pymavlink carries has them."""
 CLOSE_US = 3 * 86_400 * 1_000_000
-AT, CORRUPT, LAST_US, PLACE = 0, 1, 2, 3
+AT, CORRUPT, LAST_US, PLACE, STRANGE = 0, 1, 2, 3, 4
 GOOD, UNKNOWN, BAD = 1, 0, -1
 
 CRC_TABLE = np.zeros(256, dtype=np.uint16)
@@ -105,14 +105,12 @@ def next_packet(data: Any, size: int, at: int, stamped: int, extra: Any, table: 
 
 @loop
 def walked(data: Any, size: int, at: int, stop: int, stamped: int) -> int:
-    """How many packets, whole but wrong, stand in a row from `at` on before `stop`; other bytes count as one."""
+    """How many packets, whole but wrong, stand between `at` and `stop`; bytes that are no packet count as one."""
     count = 0
     while at < stop:
         total = packet_bytes(data, size, at)
-        if total == 0:
-            break
-        count += 1
-        at += total + 8 * stamped
+        count += 1 if total > 0 else 0
+        at += total + 8 * stamped if total > 0 else 1
     return max(count, 1)
 
 
@@ -129,7 +127,8 @@ def scan_packets(
     counts   (IDS,) is added to
     known    (IDS,) true for senders (system * 256 + component) met in step
     rows     (n, 5) marker, packet bytes, id, recorder's microseconds (-1: none), place among all packets
-    state    (4,) where the next packet (its stamp first) is due, corrupt packets, last time, packets so far
+    state    (5,) where the next packet (its stamp first) is due, corrupt packets, last time, packets so far, packets
+             of ids that are not defined
     """
     at, corrupt, last_us, place = state[AT], state[CORRUPT], state[LAST_US], state[PLACE]
     found, room = 0, len(rows)
@@ -151,6 +150,7 @@ def scan_packets(
             total = packet_bytes(data, size, marker)
             verdict = GOOD
         place += 1
+        state[STRANGE] += 1 if verdict == UNKNOWN else 0
         if verdict == GOOD:
             msgid = packet_id(data, marker)
             counts[msgid] += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats
+from calibration.arrays import Floats, Ints
 from pipeline.telemetry.flight_log import AttitudeSeries, Datum, GimbalSeries, PositionSeries
 from pipeline.telemetry.tables import MessageTable
 
@@ -41,12 +41,10 @@ def attitude_series(*, source: str, time_s: Floats, ned_from_body: Floats) -> At
     return AttitudeSeries(source=source, time_s=time_s[order], ned_from_body=_unit(ned_from_body)[order])
 
 
-def gimbal_series(*, source: str, time_s: Floats, attitude: Floats, earth_yaw: Bools) -> GimbalSeries:
+def gimbal_series(*, source: str, time_s: Floats, attitude: Floats, frame: Ints) -> GimbalSeries:
     """Mount attitudes (n, 4) of any order in time order."""
     order = np.argsort(time_s, kind="stable")
-    return GimbalSeries(
-        source=source, time_s=time_s[order], attitude=_unit(attitude)[order], earth_yaw=earth_yaw[order]
-    )
+    return GimbalSeries(source=source, time_s=time_s[order], attitude=_unit(attitude)[order], frame=frame[order])
 
 
 def denser(first: MessageTable | None, second: MessageTable | None) -> MessageTable | None:

@@ -18,8 +18,16 @@ from calibration.arrays import Floats
 from pipeline.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import fit_clock, plausible_utc
-from pipeline.telemetry.flight_log import Accuracy, AttitudeSeries, ClockFit, FlightLog, GimbalSeries, PositionSeries
-from pipeline.telemetry.gimbal_frames import yaw_is_earth
+from pipeline.telemetry.flight_log import (
+    HEADING,
+    Accuracy,
+    AttitudeSeries,
+    ClockFit,
+    FlightLog,
+    GimbalSeries,
+    PositionSeries,
+)
+from pipeline.telemetry.gimbal_frames import frame_of_flags
 from pipeline.telemetry.heights import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.series import attitude_series, gimbal_series, median_of, position_series
 from pipeline.telemetry.tables import Progress
@@ -200,16 +208,16 @@ def _gimbal(topics: dict[str, Topic]) -> GimbalSeries | None:
     """A gimbal device's quaternion with its flags, else mount_orientation (Euler radians, yaw against the vehicle)."""
     topic = topics.get("gimbal_device_attitude_status")
     if topic is not None:
-        earth = yaw_is_earth(_floats(topic, "device_flags"))
+        frame = frame_of_flags(_floats(topic, "device_flags"))
         return gimbal_series(source="gimbal_device_attitude_status", time_s=_time(topic), attitude=_quaternion(topic),
-                             earth_yaw=earth)  # fmt: skip
+                             frame=frame)  # fmt: skip
     topic = topics.get("mount_orientation")
     if topic is None:
         return None
     roll, pitch, yaw = (_floats(topic, f"attitude_euler_angle[{i}]") for i in range(3))
     q = rotation.ned_from_frd(yaw, pitch, roll)
-    earth = np.zeros(len(q), dtype=bool)
-    return gimbal_series(source="mount_orientation", time_s=_time(topic), attitude=q, earth_yaw=earth)
+    frame = np.full(len(q), HEADING)
+    return gimbal_series(source="mount_orientation", time_s=_time(topic), attitude=q, frame=frame)
 
 
 def _camera_events(topics: dict[str, Topic]) -> Floats:
