@@ -3,7 +3,8 @@
 Each stage is a function of the flight and of what came before; `run` chains them and resumes where it was stopped.
 """
 
-from pipeline.stages.poses import MeasuredPoses, measure_poses
+from pipeline.stages.measured import MeasuredPoses
+from pipeline.stages.poses import measure_poses
 from pipeline.stages.problem import build_problem, read_models, sight_rays
 from pipeline.stages.results import gather_results
 from pipeline.stages.run import RunSummary, run_flight, run_poses, run_solve, run_track

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from calibration.camera_files import read_camera
 
 from calibration.arrays import Ints
 from calibration.camera import CameraModel, pixel_from_ray, unproject
+from calibration.camera_files import read_camera
 from pipeline.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import Flight
 from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
-from pipeline.stages.poses import MeasuredPoses
+from pipeline.stages.measured import MeasuredPoses
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,7 +20,8 @@ from pipeline.records import ImageTrack, Problem, Results, Solution, SolverSetti
 from pipeline.report import render_report
 from pipeline.solver import solve
 from pipeline.stages.ledger import FOLDER, Ledger, key_of
-from pipeline.stages.poses import MeasuredPoses, measure_poses
+from pipeline.stages.measured import MeasuredPoses
+from pipeline.stages.poses import measure_poses
 from pipeline.stages.problem import build_problem, read_models
 from pipeline.stages.progress import Progress, silent
 from pipeline.stages.results import all_refined, file_hash, gather_results, input_files, versions
