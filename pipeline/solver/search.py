@@ -5,7 +5,8 @@ Cameras are set one after the other, the reference first, then always the one th
 already set (so a camera that shares no target with the reference is reached through others). For each:
 
     1. sweep   a cost for every offset and rate on a grid; its local minima
-    2. polish  each minimum downhill together with all cameras set so far: clocks, constant rotations and shifts
+    2. polish  each minimum downhill together with all cameras set so far: clocks, constant rotations and shifts;
+               roughly first, then the best of them with all their sightings
     3. keep    the few best whole hypotheses (beam)
 
 Two costs do this: `search_crossing` needs no model of the motion (splines, long flights), `search_polynomial` fits the
@@ -16,17 +17,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from pipeline.errors import GeometryError
 from pipeline.records import CameraInput, OffsetCandidate, Problem, SolverSettings
+from pipeline.solver.search_adjust import polish_polynomial
 from pipeline.solver.search_crossing import ClockPrior, Fit
 from pipeline.solver.search_crossing import polish as polish_crossing
+from pipeline.solver.search_polynomial import sweep_polynomial
 from pipeline.solver.search_sweep import ClockGuess, ClockRange, SetCamera, sweep
 from pipeline.solver.search_views import View, views
 
-GUESSES = 6
+ROUGH = 0.25
+"""Share of the sightings that the first polish uses."""
+GUESSES = 8
 """Minima of the sweep that are polished."""
 BEAM = 4
 """Whole hypotheses that are carried on."""
@@ -34,6 +40,8 @@ KEPT = 6
 """Candidates that are returned, at most."""
 SAME_S = 0.25
 """Clocks closer than this at mid-track are one candidate."""
+CLEAR = 4.6
+"""Half chi-square by which the best candidate must beat the next: a likelihood ratio of 100."""
 WIDEST_STRETCH = 0.1
 NEAR_S = 10.0
 """How far a given offset without a sigma is trusted."""
@@ -46,7 +54,7 @@ class _Cost:
     """One way to judge clocks: coarse guesses for a new camera, and the polishing of a whole hypothesis."""
 
     sweep: Callable[[View, Sequence[SetCamera], ClockRange, int], tuple[ClockGuess, ...]]
-    polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None]], Fit]
+    polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None], float], Fit]
 
 
 def search_offsets(
@@ -64,21 +72,36 @@ def search_offsets(
     seen = views(problem)
     order = setting_order(problem, seen)
     priors = {c.camera: _prior(c, settings, problem.reference_camera) for c in problem.cameras}
+    cost = _cost_for(problem, seen)
     beam = [Fit(clock={problem.reference_camera: (0.0, 1.0)}, cost=0.0)]
-    others: list[tuple[str, tuple[float, float]]] = []
+    others: list[tuple[str, Fit]] = []
     for done, name in enumerate(order[1:], start=1):
-        beam = _extended(problem, seen, priors, beam, name, CROSSING)
-        best = beam[0]
-        others += [(name, fit.clock[name]) for fit in beam[1:] if _apart(fit, best, seen)]
+        beam = _extended(seen, priors, beam, name, cost)
+        others += [(name, fit) for fit in beam[1:]]
         beam = _worth_carrying(beam)
         if progress is not None:
             progress(done / (len(order) - 1))
     rates = {c.camera: c.frame_rate for c in problem.cameras}
-    found = _distinct([*beam, *_alternatives(beam[0], others, seen, priors, order, CROSSING)], seen)[:KEPT]
+    found = _distinct([*beam, *_alternatives(beam[0], others, seen, priors, cost)], seen)[:KEPT]
     return tuple(_candidate(fit, rates, problem) for fit in found)
 
 
 CROSSING = _Cost(sweep=sweep, polish=polish_crossing)
+
+
+def _cost_for(problem: Problem, seen: Mapping[str, View]) -> _Cost:
+    """Fitted polynomials where every target is one of a known order, else crossing rays."""
+    orders = {t.target: t.order for t in problem.targets if t.motion == "polynomial" and t.order != "auto"}
+    if len(orders) < len(problem.targets):
+        return CROSSING
+    return _polynomial_cost({t: int(k) for t, k in orders.items()})
+
+
+def _polynomial_cost(orders: Mapping[str, int]) -> _Cost:
+    return _Cost(
+        sweep=partial(sweep_polynomial, orders=orders),
+        polish=partial(polish_polynomial, orders=orders),
+    )
 
 
 def setting_order(problem: Problem, seen: Mapping[str, View]) -> list[str]:
@@ -148,7 +171,6 @@ def _prior(camera: CameraInput, settings: SolverSettings, reference: str) -> Clo
 
 
 def _extended(
-    problem: Problem,
     seen: Mapping[str, View],
     priors: Mapping[str, ClockPrior | None],
     beam: Sequence[Fit],
@@ -163,11 +185,12 @@ def _extended(
         placed = [SetCamera(view=seen[c], offset_s=o, stretch=s) for c, (o, s) in fit.clock.items()]
         for guess in cost.sweep(seen[name], placed, prior.allowed, GUESSES):
             clocks = {**fit.clock, name: (guess.offset_s, guess.stretch)}
-            grown.append(_polished(clocks, seen, priors, cost))
+            grown.append(_polished(clocks, seen, priors, cost, effort=ROUGH))
     grown = [fit for fit in grown if _within(fit, name, prior.allowed, seen[name])]
     if not grown:
         raise _no_overlap(name, list(beam[0].clock), prior.allowed)
-    return _distinct(grown, seen)
+    promising = _distinct(grown, seen)[:BEAM]
+    return _distinct([_polished(fit.clock, seen, priors, cost) for fit in promising], seen)
 
 
 def _polished(
@@ -175,8 +198,9 @@ def _polished(
     seen: Mapping[str, View],
     priors: Mapping[str, ClockPrior | None],
     cost: _Cost,
+    effort: float = 1.0,
 ) -> Fit:
-    return cost.polish([seen[c] for c in clocks], list(clocks.values()), [priors[c] for c in clocks])
+    return cost.polish([seen[c] for c in clocks], list(clocks.values()), [priors[c] for c in clocks], effort)
 
 
 def _within(fit: Fit, name: str, allowed: ClockRange, view: View) -> bool:
@@ -198,11 +222,7 @@ def _distinct(fits: Sequence[Fit], seen: Mapping[str, View]) -> list[Fit]:
 
 def _apart(one: Fit, other: Fit, seen: Mapping[str, View]) -> bool:
     """Whether two hypotheses differ in the common time of some camera's mid-track."""
-    for name, (offset, stretch) in one.clock.items():
-        middle = 0.5 * sum(seen[name].span_s)
-        if abs(offset + stretch * middle - other.clock[name][0] - other.clock[name][1] * middle) > SAME_S:
-            return True
-    return False
+    return any(abs(_middle(one, name, seen) - _middle(other, name, seen)) > SAME_S for name in one.clock)
 
 
 def _worth_carrying(beam: Sequence[Fit]) -> list[Fit]:
@@ -213,20 +233,23 @@ def _worth_carrying(beam: Sequence[Fit]) -> list[Fit]:
 
 def _alternatives(
     best: Fit,
-    others: Sequence[tuple[str, tuple[float, float]]],
+    others: Sequence[tuple[str, Fit]],
     seen: Mapping[str, View],
     priors: Mapping[str, ClockPrior | None],
-    order: Sequence[str],
     cost: _Cost,
 ) -> list[Fit]:
-    """The best hypothesis with one camera's clock replaced by another answer that its own search gave."""
-    found = []
-    for camera, clock in others:
-        if len(best.clock) > 2 and camera != order[-1]:
-            found.append(_polished({**best.clock, camera: clock}, seen, priors, cost))
-        elif len(best.clock) == 2:
-            found.append(_polished({order[0]: (0.0, 1.0), camera: clock}, seen, priors, cost))
+    """Whole hypotheses that differ from the best in one camera's clock: another answer that its own search gave."""
+    found = [fit for _, fit in others if len(fit.clock) == len(best.clock)]
+    for camera, fit in others:
+        if len(fit.clock) < len(best.clock) and abs(_middle(fit, camera, seen) - _middle(best, camera, seen)) > SAME_S:
+            found.append(_polished({**best.clock, camera: fit.clock[camera]}, seen, priors, cost))
     return found
+
+
+def _middle(fit: Fit, camera: str, seen: Mapping[str, View]) -> float:
+    """Common time of the middle of a camera's sightings."""
+    offset, stretch = fit.clock[camera]
+    return offset + stretch * 0.5 * sum(seen[camera].span_s)
 
 
 def _candidate(fit: Fit, rates: Mapping[str, float], problem: Problem) -> OffsetCandidate:
@@ -236,3 +259,8 @@ def _candidate(fit: Fit, rates: Mapping[str, float], problem: Problem) -> Offset
         frame_rate={n: rates[n] / fit.clock[n][1] for n in names},
         cost=float(np.float64(fit.cost)),
     )
+
+
+def is_ambiguous(candidates: Sequence[OffsetCandidate]) -> bool:
+    """Whether the next candidate is nearly as good as the best: less than a likelihood ratio of 100 apart."""
+    return len(candidates) > 1 and candidates[1].cost - candidates[0].cost < CLEAR

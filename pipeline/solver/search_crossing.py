@@ -29,7 +29,8 @@ from pipeline.solver.search_views import Track, View, thinned
 LONELY = 0.75 * CAP**2 / 2
 """What a sighting without partner costs: three quarters of the worst loss."""
 ROUNDS = 14
-SAMPLES = 400
+SAMPLES = 1600
+"""Sightings that are compared, all pairs together; at least 120 for each pair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,15 +67,16 @@ class _Pair:
     partner: Track
 
 
-def pairs_of(views: Sequence[View]) -> list[_Pair]:
+def pairs_of(views: Sequence[View], effort: float = 1.0) -> list[_Pair]:
     """Every pair of cameras with a common target; the one with fewer sightings is held against the other."""
     pairs = []
+    each = int(effort * max(SAMPLES // max(len(views) * (len(views) - 1) // 2, 4), 120))
     for i, first in enumerate(views):
         for j in range(i + 1, len(views)):
             shared = [t for t in first.tracks if t in views[j].tracks]
             for target in shared:
                 a, b = (i, j) if len(first.tracks[target]) >= len(views[j].tracks[target]) else (j, i)
-                most = max(SAMPLES // len(shared), 40)
+                most = max(each // len(shared), 40)
                 pairs.append(
                     _Pair(
                         a=a,
@@ -90,15 +92,18 @@ def polish(
     views: Sequence[View],
     clocks: Sequence[tuple[float, float]],
     priors: Sequence[ClockPrior | None],
-    rounds: int = ROUNDS,
+    effort: float = 1.0,
 ) -> Fit:
-    """The clocks of `views` moved downhill from `clocks`. A prior of None holds the clock (the reference camera)."""
-    pairs = pairs_of(views)
+    """The clocks of `views` moved downhill from `clocks`. A prior of None holds the clock (the reference camera).
+
+    `effort` is the share of the sightings that is used.
+    """
+    pairs = pairs_of(views, effort)
     state = _State(
         clock=np.array(clocks, float), tilt=np.zeros((len(views), 3)), shift=np.zeros((len(views), 3)), views=views
     )
     start = _starting_scale(views)
-    for i in range(rounds):
+    for i in range(ROUNDS):
         scale = max(start * 0.5**i, 1.0)
         step = _step(state, pairs, priors, scale)
         if step is None:
@@ -244,7 +249,7 @@ def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floa
 
 
 def prior_cost(prior: ClockPrior | None, offset_s: float, stretch: float) -> float:
-    """Half chi-square of a clock under its prior; that of the stretch grows slowly: makers' rates may be plain wrong."""
+    """Half chi-square of a clock under its prior; that of the stretch grows slowly: stated rates may be plain wrong."""
     if prior is None:
         return 0.0
     cost = 0.5 * float(np.log1p(((stretch - 1) / prior.stretch_sigma) ** 2))

@@ -28,7 +28,7 @@ from pipeline.solver.search_views import Track, View, thinned
 
 CAP = 3.0
 """k of the bounded loss, in sigmas."""
-SAMPLES = 600
+SAMPLES = 400
 """Sightings of the new camera that are swept."""
 LONGEST = 8000
 """Instants in the grid of common time, at most."""
@@ -84,7 +84,7 @@ class SetCamera:
 
 
 def sweep(new: View, placed: Sequence[SetCamera], allowed: ClockRange, keep: int) -> tuple[ClockGuess, ...]:
-    """The best clocks of `new` against `placed`, at most `keep`, well apart, best first; none where nothing overlaps."""
+    """The best clocks of `new` against `placed`, at most `keep`, best first; none where nothing overlaps."""
     shared = [t for t in new.tracks if any(t in p.view.tracks for p in placed)]
     step = _grid_step(new, shared)
     samples = _samples(new, shared)

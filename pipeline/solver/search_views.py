@@ -8,6 +8,7 @@ eq. 4), both in ENU. The search works on rays alone: lens, frames and quaternion
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -53,6 +54,11 @@ class Track:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    @cached_property
+    def bridged_s(self) -> float:
+        """The longest hole that may be interpolated across."""
+        return max(GAP_S, 3 * float(np.median(np.diff(self.time_s))))
+
     def taken(self, index: Ints | Bools) -> Track:
         """Some of its rows."""
         return Track(
@@ -70,8 +76,7 @@ class Track:
         left = right - 1
         width = self.time_s[right] - self.time_s[left]
         share = np.clip((time_s - self.time_s[left]) / width, 0.0, 1.0)
-        limit = max(GAP_S, 3 * float(np.median(np.diff(self.time_s))))
-        holds = (width <= limit) & (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
+        holds = (width <= self.bridged_s) & (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         w = share[..., None]
         centre = (1 - w) * self.centre_m[left] + w * self.centre_m[right]
         ray = (1 - w) * self.ray[left] + w * self.ray[right]
