@@ -36,7 +36,7 @@ TRIM_NAMES = ("AHRS_TRIM_X", "AHRS_TRIM_Y", "AHRS_TRIM_Z")
 
 def dataflash_flight(raw: RawLog) -> FlightLog:
     """What a DataFlash log says of its vehicle."""
-    position, notes = _position(raw)
+    position = _position(raw)
     attitude = _attitude(raw)
     gimbal, gimbal_notes = _gimbal(raw, attitude)
     events, source = _camera_events(raw)
@@ -52,7 +52,7 @@ def dataflash_flight(raw: RawLog) -> FlightLog:
         camera_event_source=source,
         utc=_utc(raw),
         accuracy=_accuracy(raw),
-        notes=(*raw.notes, *notes, *gimbal_notes),
+        notes=(*raw.notes, *gimbal_notes),
     )
 
 
@@ -83,7 +83,7 @@ def _gps(raw: RawLog) -> MessageTable | None:
     return _first(table)
 
 
-def _position(raw: RawLog) -> tuple[PositionSeries | None, list[str]]:
+def _position(raw: RawLog) -> PositionSeries | None:
     undulation = _undulation(raw)
     for name in POSITION_MESSAGES:
         table = _gps(raw) if name == "GPS" else raw.table(name)
@@ -91,8 +91,8 @@ def _position(raw: RawLog) -> tuple[PositionSeries | None, list[str]]:
             continue
         series = _position_of(table, undulation)
         if series.valid.sum() >= 2:
-            return series, ([] if series.datum == "ellipsoid" else [f"heights are {series.height_from}"])
-    return None, []
+            return series
+    return None
 
 
 def _position_of(table: MessageTable, undulation: Undulation | None) -> PositionSeries:
@@ -103,14 +103,15 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
         bad |= table.floats("Status") < 3
         speed, course = table.floats("Spd"), np.radians(table.floats("GCrs"))
         velocity = np.stack([speed * np.cos(course), speed * np.sin(course), table.floats("VZ")], axis=1)
-    datum, words, height = on_ellipsoid(table.floats("Alt"), undulation)
+    lat_deg, lon_deg = (np.where(bad, np.nan, angle) for angle in (lat, lon))
+    words, height = on_ellipsoid(table.floats("Alt"), undulation, lat_deg, lon_deg)
     return position_series(
         source=table.name,
-        datum=datum,
+        datum="ellipsoid",
         height_from=words,
         time_s=time_of(table),
-        lat_deg=np.where(bad, np.nan, lat),
-        lon_deg=np.where(bad, np.nan, lon),
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=velocity,
     )

@@ -66,7 +66,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None) -> FlightLog:
     vehicle = _Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=_clock(raw, chosen))
     notes += _clock_notes(vehicle.clock)
     utc = _utc(vehicle)
-    position, height_note = _position(vehicle)
+    position = _position(vehicle)
     attitude = _attitude(vehicle)
     gimbal, gimbal_notes = _gimbal(vehicle, attitude)
     events, event_source = _camera_events(vehicle, utc)
@@ -85,7 +85,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None) -> FlightLog:
         utc=utc,
         record_clock=vehicle.clock.record,
         accuracy=_accuracy(vehicle),
-        notes=(*raw.notes, *notes, *height_note, *gimbal_notes),
+        notes=(*raw.notes, *notes, *gimbal_notes),
     )
 
 
@@ -178,16 +178,15 @@ def _time(vehicle: _Vehicle, table: MessageTable, utc: ClockFit | None = None) -
     return arrived
 
 
-def _position(vehicle: _Vehicle) -> tuple[PositionSeries | None, list[str]]:
+def _position(vehicle: _Vehicle) -> PositionSeries | None:
     undulation = _undulation(vehicle)
     for name in POSITION_MESSAGES:
         table = vehicle.own(name)
-        if table is None:
-            continue
-        series = _position_of(vehicle, table, undulation)
-        if series.valid.sum() >= 2:
-            return series, ([] if series.datum == "ellipsoid" else [f"heights are {series.height_from}"])
-    return None, []
+        if table is not None:
+            series = _position_of(vehicle, table, undulation)
+            if series.valid.sum() >= 2:
+                return series
+    return None
 
 
 def _position_of(vehicle: _Vehicle, table: MessageTable, undulation: Undulation | None) -> PositionSeries:
@@ -196,17 +195,18 @@ def _position_of(vehicle: _Vehicle, table: MessageTable, undulation: Undulation 
     bad = (lat == 0) & (lon == 0)
     if table.name in GPS_MESSAGES:
         bad |= table.floats("fix_type") < 3
-    datum, words, height = on_ellipsoid(height, undulation)
-    if table.name in GPS_MESSAGES and "alt_ellipsoid" in table:
+    lat_deg, lon_deg = (np.where(bad, np.nan, angle / 1e7) for angle in (lat, lon))
+    words, height = on_ellipsoid(height, undulation, lat_deg, lon_deg)
+    if table.name in GPS_MESSAGES and "alt_ellipsoid" in table and undulation is not None:
         own = table.floats("alt_ellipsoid")
-        height = np.where(own != 0, own / 1000, height) if undulation is not None else height
+        height = np.where(own != 0, own / 1000, height)
     return position_series(
         source=table.name,
-        datum=datum,
+        datum="ellipsoid",
         height_from=words,
         time_s=_time(vehicle, table),
-        lat_deg=np.where(bad, np.nan, lat / 1e7),
-        lon_deg=np.where(bad, np.nan, lon / 1e7),
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=_velocity(table),
     )

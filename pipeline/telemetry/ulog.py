@@ -46,22 +46,20 @@ def read_ulog(path: Path, *, progress: Progress = None) -> FlightLog:
     topics, counts, dropouts = _load(path)
     if progress is not None:
         progress(1.0)
-    position, notes = _position(topics)
-    if dropouts:
-        notes.append(f"{dropouts} dropouts: the card was too slow for the log")
+    slow = (f"{dropouts} dropouts: the card was too slow for the log",) if dropouts else ()
     return FlightLog(
         path=path,
         format="ulog",
         counts=counts,
         corrupt_packets=0,
-        position=position,
+        position=_position(topics),
         attitude=_attitude(topics),
         gimbal=_gimbal(topics),
         camera_event_s=_camera_events(topics),
         camera_event_source="camera_capture" if "camera_capture" in topics else "camera_trigger",
         utc=_utc(topics),
         accuracy=_accuracy(topics),
-        notes=tuple(notes),
+        notes=slow,
     )
 
 
@@ -115,18 +113,19 @@ def _metres(topic: Topic, new: str, old: str) -> Floats:
     return _floats(topic, new) if new in topic else _floats(topic, old) / 1e3
 
 
-def _position(topics: dict[str, Topic]) -> tuple[PositionSeries | None, list[str]]:
+def _position(topics: dict[str, Topic]) -> PositionSeries | None:
     undulation = _undulation(topics)
-    series = None
-    for name, read in (("vehicle_global_position", _global), *((t, _receiver) for t in GPS_TOPICS)):
-        if name in topics and series is None:
+    readers = (
+        ("vehicle_global_position", _global),
+        *((t, _receiver) for t in GPS_TOPICS),
+        ("vehicle_local_position", _local),
+    )
+    for name, read in readers:
+        if name in topics:
             series = read(name, topics[name], undulation)
-            series = series if series.valid.sum() >= 2 else None
-    if series is None and "vehicle_local_position" in topics:
-        series = _local(topics["vehicle_local_position"], undulation)
-        series = series if series.valid.sum() >= 2 else None
-    told = series is not None and series.datum != "ellipsoid"
-    return series, [f"heights are {series.height_from}"] if told and series is not None else []
+            if series.valid.sum() >= 2:
+                return series
+    return None
 
 
 def _undulation(topics: dict[str, Topic]) -> Undulation | None:
@@ -153,30 +152,33 @@ def _receiver_heights(topic: Topic) -> tuple[Floats, Floats]:
 
 
 def _global(name: str, topic: Topic, undulation: Undulation | None) -> PositionSeries:
-    datum, words, height = on_ellipsoid(_floats(topic, "alt"), undulation)
+    lat, lon = _floats(topic, "lat"), _floats(topic, "lon")
+    words, height = on_ellipsoid(_floats(topic, "alt"), undulation, lat, lon)
     velocity = np.stack([_floats(topic, axis) for axis in ("vel_n", "vel_e", "vel_d")], axis=1)
     return position_series(
-        source=name, datum=datum, height_from=words, time_s=_time(topic), lat_deg=_floats(topic, "lat"),
-        lon_deg=_floats(topic, "lon"), height_m=height, velocity_ned_mps=velocity,
+        source=name, datum="ellipsoid", height_from=words, time_s=_time(topic),
+        lat_deg=lat, lon_deg=lon, height_m=height, velocity_ned_mps=velocity,
     )  # fmt: skip
 
 
 def _receiver(name: str, topic: Topic, undulation: Undulation | None) -> PositionSeries:
     above, sea = _receiver_heights(topic)
-    datum, words, height = on_ellipsoid(sea, undulation)
+    bad = _floats(topic, "fix_type") < 3
+    lat, lon = (
+        np.where(bad, np.nan, _degrees(topic, new, old))
+        for new, old in (("latitude_deg", "lat"), ("longitude_deg", "lon"))
+    )
+    words, height = on_ellipsoid(sea, undulation, lat, lon)
     if undulation is not None:
         height = np.where(np.isfinite(above) & (above != 0), above, height)
-    bad = _floats(topic, "fix_type") < 3
     velocity = np.stack([_floats(topic, f"vel_{axis}_m_s") for axis in "ned"], axis=1)
     return position_series(
-        source=name, datum=datum, height_from=words, time_s=_time(topic),
-        lat_deg=np.where(bad, np.nan, _degrees(topic, "latitude_deg", "lat")),
-        lon_deg=np.where(bad, np.nan, _degrees(topic, "longitude_deg", "lon")),
-        height_m=height, velocity_ned_mps=velocity,
+        source=name, datum="ellipsoid", height_from=words, time_s=_time(topic),
+        lat_deg=lat, lon_deg=lon, height_m=height, velocity_ned_mps=velocity,
     )  # fmt: skip
 
 
-def _local(topic: Topic, undulation: Undulation | None) -> PositionSeries:
+def _local(name: str, topic: Topic, undulation: Undulation | None) -> PositionSeries:
     good = (_floats(topic, "xy_global") == 1) & (_floats(topic, "z_global") == 1)
     x, y = _floats(topic, "x") / PX4_EARTH_RADIUS_M, _floats(topic, "y") / PX4_EARTH_RADIUS_M
     lat0, lon0 = np.radians(_floats(topic, "ref_lat")), np.radians(_floats(topic, "ref_lon"))
@@ -184,12 +186,12 @@ def _local(topic: Topic, undulation: Undulation | None) -> PositionSeries:
     share = np.sinc(arc / np.pi)
     lat = np.arcsin(np.clip(np.cos(arc) * np.sin(lat0) + x * share * np.cos(lat0), -1, 1))
     lon = lon0 + np.arctan2(y * share, np.cos(lat0) * np.cos(arc) - x * share * np.sin(lat0))
-    datum, words, height = on_ellipsoid(_floats(topic, "ref_alt") - _floats(topic, "z"), undulation)
+    lat, lon = (np.where(good, np.degrees(angle), np.nan) for angle in (lat, lon))
+    words, height = on_ellipsoid(_floats(topic, "ref_alt") - _floats(topic, "z"), undulation, lat, lon)
     velocity = np.stack([_floats(topic, axis) for axis in ("vx", "vy", "vz")], axis=1)
     return position_series(
-        source="vehicle_local_position", datum=datum, height_from=words, time_s=_time(topic),
-        lat_deg=np.where(good, np.degrees(lat), np.nan), lon_deg=np.where(good, np.degrees(lon), np.nan),
-        height_m=height, velocity_ned_mps=velocity,
+        source=name, datum="ellipsoid", height_from=words, time_s=_time(topic),
+        lat_deg=lat, lon_deg=lon, height_m=height, velocity_ned_mps=velocity,
     )  # fmt: skip
 
 
