@@ -13,7 +13,7 @@ from pipeline.report import cast
 from pipeline.report.axes import span
 from pipeline.report.blocks import figure, key, note, table
 from pipeline.report.markup import Html, joined, tag
-from pipeline.report.plot import chart, line, panel
+from pipeline.report.plot import Panel, chart, line, panel
 from pipeline.report.words import SIGMA, plus_minus
 
 TURNS = ("about x (nods)", "about y (pans)", "about z (rolls)")
@@ -59,24 +59,20 @@ def _whiskers(
         for k in range(3):
             at = -(4.0 * i + k)
             ticks.append((at, f"{bias.camera} {axes[k]}"))
-            marks.append(
-                _whisker(
-                    p.x.at(float(value[k])),
-                    2 * float(np.nan_to_num(sigma[k])) * p.inner[0] / (reach[1] - reach[0]),
-                    p.y.at(at),
-                )
-            )
+            if np.isfinite(value[k]):
+                marks.append(_whisker(p, float(value[k]), 2 * float(np.nan_to_num(sigma[k])), at))
     label = f"{title} correction of every camera with two-sigma whiskers"
     return chart(
         p, [tag("g", *marks, class_="c-ink")], label=label, title=f"{title} correction", x_label=unit, y_ticks=ticks
     )
 
 
-def _whisker(x: float, half: float, y: float) -> Html:
+def _whisker(p: Panel, value: float, half: float, row: float) -> Html:
+    low, high, y = p.x.at(value - half), p.x.at(value + half), p.y.at(row)
     return tag(
         "g",
-        tag("path", d=f"M{x - half:.1f} {y:.1f}H{x + half:.1f}", class_="whisker"),
-        tag("circle", cx=x, cy=y, r=3.5, class_="blob"),
+        tag("path", d=f"M{low:.1f} {y:.1f}H{high:.1f}", class_="whisker"),
+        tag("circle", cx=p.x.at(value), cy=y, r=3.5, class_="blob"),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.records import PoseTrack, Results, Sightings, Trajectory
+from pipeline.report.words import whole
 
 COLOURS = 8
 
@@ -100,6 +101,12 @@ def thin_trajectory(trajectory: Trajectory, limit: int) -> Trajectory:
         velocity_mps=trajectory.velocity_mps[at],
         covariance=trajectory.covariance[at],
     )
+
+
+def thinning_words(results: Results, limit: int) -> str:
+    """A sentence where trajectories have more samples than are drawn, else ""."""
+    most = max((len(t.time_s) for t in results.trajectories), default=0)
+    return "" if most <= limit else f" Curves are drawn through {whole(limit)} of up to {whole(most)} samples."
 
 
 def rows_of(sightings: Sightings, camera: str | None = None, target: str | None = None) -> Ints:

@@ -76,7 +76,8 @@ def _candidates(solution: Solution) -> Html:
     found = sorted(solution.offset_candidates, key=lambda c: c.cost)[:MOST]
     if not found:
         return Html("")
-    names = sorted({n for c in found for n in c.offset_s}, key=[k.camera for k in solution.clocks].index)
+    order = {c.camera: i for i, c in enumerate(solution.clocks)}
+    names = sorted({n for c in found for n in c.offset_s}, key=lambda n: (order.get(n, len(order)), n))
     head = ("rank", *(f"{n}, s" for n in names), "cost", "chi-square above the best")
     best = found[0].cost
     rows = [

@@ -47,14 +47,15 @@ class Sheet:
 def map_figure(results: Results) -> Html:
     """One map of the whole scene and, where the targets fill little of it, a closer one of them."""
     paths = cast.camera_paths(results)
-    tracks = [cast.thin_trajectory(t, FIXES) for t in results.trajectories]
+    tracks = [cast.thin_trajectory(t, FIXES) for t in results.trajectories if len(t.time_s)]
     on_ground = [t.position_enu_m[:, :2] for t in tracks]
     everything = [*on_ground, *(p.position_enu_m[:, :2] for p in paths)]
     if not any(np.isfinite(a).any() for a in everything):
         return note("There is nothing to draw: no position is known.")
     whole, near = _sheet(everything), _sheet(on_ground)
     maps = [_map(results, whole, tracks, paths, "All cameras and targets")]
-    if paths and near.scale > 1.8 * whole.scale:
+    seen = any(np.isfinite(a).any() for a in on_ground)
+    if seen and paths and near.scale > 1.8 * whole.scale:
         maps.append(_map(results, near, tracks, paths, "The targets, closer"))
     return joined(*maps)
 
@@ -123,7 +124,7 @@ def _legend(results: Results) -> Html:
 def _caption(results: Results, sheet: Sheet, factor: int, every: float) -> str:
     size = "at true size" if factor == 1 else f"drawn {factor} {TIMES} larger than they are"
     dots = f"Rings mark where a target starts, discs where it ends, small dots every {rounded(every, 1)} s."
-    words = f"Ellipses of one and two sigma are {size}. {dots}"
+    words = f"Ellipses of one and two sigma are {size}. {dots}{cast.thinning_words(results, FIXES)}"
     if results.origin is None:
         return f"{words} East and north in metres from the local origin."
     corners = np.array([[0.0, sheet.height], [sheet.width, 0.0]]) / sheet.scale
@@ -160,7 +161,7 @@ def _grid(sheet: Sheet) -> list[Html]:
     return [
         *out,
         tag("text", "east, m", x=sheet.width - 6, y=sheet.height - 6, text_anchor="end", class_="name"),
-        tag("text", "north, m", x=5, y=16, class_="name"),
+        tag("text", "north, m", x=5, y=6, class_="name", dominant_baseline="hanging"),
     ]
 
 
@@ -225,7 +226,8 @@ def _names(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tupl
     inside = [
         (p, w, c) for p, w, c in ends if np.isfinite(p).all() and 0 <= p[0] <= sheet.width and 0 <= p[1] <= sheet.height
     ]
-    spots = place([(float(p[0]), float(p[1]), w) for p, w, _ in inside], sheet.width, sheet.height, _furniture(sheet))
+    taken = [*_furniture(sheet), *_lines_as_boxes(sheet, tracks)]
+    spots = place([(float(p[0]), float(p[1]), w) for p, w, _ in inside], sheet.width, sheet.height, taken)
     return [
         tag("text", words, x=x, y=y, text_anchor=anchor, class_=f"label {c}")
         for (x, y, anchor), (_, words, c) in zip(spots, inside, strict=True)
@@ -234,6 +236,12 @@ def _names(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tupl
 
 def _furniture(sheet: Sheet) -> list[Box]:
     return [(sheet.width - 50, 0, sheet.width, 64), (0, sheet.height - 64, 240, sheet.height), (0, 0, 80, 24)]
+
+
+def _lines_as_boxes(sheet: Sheet, tracks: list[Trajectory]) -> list[Box]:
+    """Small boxes along the trajectories, for names to keep clear of."""
+    along = [sheet.px(t.position_enu_m[_evenly_along(t.position_enu_m[:, :2], 60)]) for t in tracks]
+    return [(x - 4, y - 4, x + 4, y + 4) for px in along for x, y in px.tolist() if x == x and y == y]
 
 
 def _scale_bar(sheet: Sheet) -> Html:

@@ -22,7 +22,7 @@ OFFSETS = (
 
 
 def place(
-    points: Sequence[tuple[float, float, str]], width: float, height: float, taken: Sequence[Box] = (), size: float = 13
+    points: Sequence[tuple[float, float, str]], width: float, height: float, taken: Sequence[Box] = (), size: float = 16
 ) -> list[tuple[float, float, str]]:
     """For each (x, y, words) in pixels: x, y and anchor ("start", "middle", "end") of its text."""
     boxes = [*taken, *((x - 4, y - 4, x + 4, y + 4) for x, y, _ in points)]

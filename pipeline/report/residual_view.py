@@ -5,7 +5,7 @@ Where the model is right, the length of a residual in sigmas follows a Rayleigh 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -22,16 +22,6 @@ DRAWN, ARROWS = 2000, 350
 SIDE, HIGH = 262, 236
 FAR_SIGMAS = 8.0
 TIME = "common time, s"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class View:
-    """Sightings of one camera that are drawn: `rows` of all, and how many there are in all."""
-
-    camera: str
-    rows: Ints
-    total: int
-    odd: int
 
 
 def residual_figures(results: Results) -> Html:
@@ -65,18 +55,23 @@ def _camera_row(results: Results, camera: str) -> list[str]:
     image = f"{size[0]} \u00d7 {size[1]}" if size else "unknown"
     if not len(at):
         return [camera, image, "0", "", "", "", ""]
-    rms = np.sqrt(np.nanmean(sightings.residual_px[at] ** 2, axis=0))
-    sigmas = float(np.sqrt(np.nanmean(sightings.residual_sigma[at] ** 2) / 2))
+    across, down = (_rms(sightings.residual_px[at, i]) for i in (0, 1))
+    sigmas = _rms(sightings.residual_sigma[at]) / math.sqrt(2)
     low = float(np.mean(sightings.weight[at] < 0.5))
     return [
         camera,
         image,
         whole(len(at)),
-        rounded(rms[0], 3),
-        rounded(rms[1], 3),
+        rounded(across, 3),
+        rounded(down, 3),
         fixed(sigmas, 2),
         f"{fixed(100 * low, 1)} %",
     ]
+
+
+def _rms(values: Floats) -> float:
+    good = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else math.nan
 
 
 def _camera(results: Results, camera: str) -> Html:
@@ -138,7 +133,9 @@ def _over_image(results: Results, camera: str, rows: Ints) -> Html:
     p = panel((0.0, float(width)), (-float(height), 0.0), width=SIDE, height=HIGH, left=46, equal=True)
     sightings = results.solution.sightings
     rows = rows[cast.thinned(len(rows), ARROWS)]
-    typical = float(np.nanmedian(np.linalg.norm(sightings.residual_px[rows], axis=1))) or 1.0
+    lengths = np.linalg.norm(sightings.residual_px[rows], axis=1)
+    lengths = lengths[lengths > 0]
+    typical = float(np.median(lengths)) if len(lengths) else 1.0
     longer = width * 0.022 / typical
     marks = [
         tag("path", d=path(points(p, [0, width, width, 0], [0, 0, -height, -height]), closed=True), class_="image")

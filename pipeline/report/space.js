@@ -26,7 +26,7 @@ const makeSpace = (canvas, flight) => {
       const seen = bounds(list.map((p) => [...screen(view(p)), 0]));
       const [[x0, x1], [y0, y1]] = seen;
       move(width / 2 - (x0 + x1) / 2, height / 2 - (y0 + y1) / 2);
-      eye.distance *= Math.min(1.5, Math.max(0.6, Math.max((x1 - x0) / (0.8 * width), (y1 - y0) / (0.72 * height))));
+      eye.distance *= Math.min(1.5, Math.max(0.6, Math.max((x1 - x0) / (0.76 * width), (y1 - y0) / (0.72 * height))));
     }
   };
   const colours = () => {
@@ -71,8 +71,9 @@ const makeSpace = (canvas, flight) => {
     if (v[2] < near()) return;
     const [x, y] = screen(v);
     Object.assign(pen, { font: "600 13px system-ui, sans-serif", lineWidth: 4, strokeStyle: tint.sheet, fillStyle: colour, lineJoin: "round" });
-    pen.strokeText(words, x + dx, y - 6);
-    pen.fillText(words, x + dx, y - 6);
+    const long = pen.measureText(words).width, left = x + dx + long > width - 4 ? x - dx - long : x + dx;
+    pen.strokeText(words, left, y - 6);
+    pen.fillText(words, left, y - 6);
   };
   const disc = (p, colour, radius, hollow = false) => {
     const v = view(p);

@@ -40,6 +40,7 @@ def space_figure(results: Results) -> Html:
         "figcaption",
         "Drag turns, shift-drag moves, scroll after a click zooms; arrow keys, +, \u2212 and 0 do the same. ",
         tag("span", "", id="space-words"),
+        cast.thinning_words(results, _limit(results)),
     )
     return tag("figure", tag("div", *buttons, *boxes, class_="controls"), canvas, clock, hint, class_="space")
 
@@ -53,7 +54,7 @@ def _switch(name: str, words: str) -> Html:
 
 def space_data(results: Results) -> Html:
     """What `space.js` reads: rounded to centimetres and milliseconds."""
-    limit = max(200, POINTS // max(1, len(results.trajectories)))
+    limit = _limit(results)
     tracks = [cast.thin_trajectory(t, limit) for t in results.trajectories if len(t.time_s)]
     paths = cast.camera_paths(results, CAMERA_POINTS)
     start, end = cast.time_span(results)
@@ -67,6 +68,11 @@ def space_data(results: Results) -> Html:
             "cameras": [_camera(results, p) for p in paths],
         },
     )
+
+
+def _limit(results: Results) -> int:
+    """Samples of each trajectory that go into the page."""
+    return max(200, POINTS // max(1, len(results.trajectories)))
 
 
 def _reach(groups: list[Floats]) -> float:

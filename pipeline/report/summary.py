@@ -68,15 +68,15 @@ def _offsets(solution: Solution) -> str:
     moved = [c for c in solution.clocks if c is not reference and c.offset_sigma_s > 0]
     if reference is None or not moved:
         return ""
-    parts = [_start(c, reference.camera if i == 0 else "") for i, c in enumerate(moved[:3])]
+    parts = [_start(c, reference.camera, i == 0) for i, c in enumerate(moved[:3])]
     more = f"; {len(moved) - 3} more in the timing table" if len(moved) > 3 else ""
     return f" {listed(parts)}{more}."
 
 
-def _start(clock: Clock, after: str) -> str:
+def _start(clock: Clock, reference: str, first: bool) -> str:
     word = "after" if clock.offset_s >= 0 else "before"
     size = plus_minus(abs(clock.offset_s), clock.offset_sigma_s, "s")
-    return f"{clock.camera} started {size} {word}" + (f" {after}" if after else " it")
+    return f"{clock.camera} started {size} {word} {reference}" if first else f"{clock.camera} {size} {word}"
 
 
 def remarks(results: Results) -> list[Remark]:

@@ -28,6 +28,7 @@ def height_and_speed(results: Results) -> Html:
     caption = "Up is counted from the origin" + (
         "." if results.origin is None else f", {fixed(results.origin.height_m, 1)} m above the WGS84 ellipsoid."
     )
+    caption += cast.thinning_words(results, SAMPLES)
     return figure(_height(results, tracks), _speed(results, tracks), legend=legend, caption=caption)
 
 
@@ -86,12 +87,11 @@ def uncertainty_figure(results: Results) -> Html:
     if robust:
         keys.append(key("line robust", "the same, robust (sandwich)"))
     legend = tag("ul", *(tag("li", k) for k in keys), class_="legend c-ink")
-    words = (
-        "One sigma of the position. The robust version trusts the scatter of the residuals instead of the sigmas given"
-        if robust
-        else "One sigma of the position"
-    )
-    caption = f"{words}. The strips along the time axis show when each camera saw the target, the first camera lowest."
+    words = ["One sigma of the position."]
+    if robust:
+        words.append("The robust version trusts the scatter of the residuals instead of the sigmas given.")
+    words.append("The strips along the time axis show when each camera saw the target, the first camera lowest.")
+    caption = " ".join(words) + cast.thinning_words(results, SAMPLES)
     return figure(*panels, legend=legend, caption=caption)
 
 
