@@ -1,15 +1,440 @@
-"""Compiled twins of the plain numpy loops; bare arrays in, bare arrays out, checked by their callers."""
+"""Compiled twins of the plain numpy loops of `elimination` and `assembly`: bare arrays in, bare arrays out.
 
+Callers check shapes; tests hold every function equal to its twin. Without numba `AVAILABLE` is false and the twins
+are used. Compiled code is cached beside this file, so only the first call ever compiles.
+
+One frame at a time is linearised; then up to LANES frames are eliminated together, the innermost loop always running
+over frames that lie side by side in memory, which the compiler turns into vector instructions.
+"""
+
+# The arithmetic is spelt out in scalars and packed triangles: that is what makes it fast.
 from __future__ import annotations
 
-AVAILABLE = False
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+try:
+    from numba import njit
+
+    AVAILABLE = True
+except ImportError:  # pragma: no cover - the extra is installed where the tests run
+    AVAILABLE = False
+
+    def njit(**_: object) -> Callable[[Any], Any]:
+        """Leaves functions as they are."""
+        return lambda function: function
 
 
-def block_normals(*_: object):  # type: ignore[no-untyped-def]
-    """Twin of `elimination.block_normals_plain`."""
-    raise NotImplementedError
+LANES = 32
+_compiled = njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True)
+_inlined = njit(
+    cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True, inline="never"
+)
+NEAREST_COSINE = 0.05
 
 
-def frame_steps(*_: object):  # type: ignore[no-untyped-def]
-    """Twin of `elimination.frame_steps_plain`."""
-    raise NotImplementedError
+@_inlined
+def _turn(w, measured, turned, left):  # type: ignore[no-untyped-def]
+    """exp(w) @ measured into `turned` (3, 3), and the left Jacobian of w into `left` (3, 3)."""
+    x, y, z = w[0], w[1], w[2]
+    square = x * x + y * y + z * z
+    if square < 1e-8:
+        s = 1.0 - square / 6.0
+        a = 0.5 - square / 24.0
+        b = 1.0 / 6.0 - square / 120.0
+    else:
+        angle = math.sqrt(square)
+        s = math.sin(angle) / angle
+        a = (1.0 - math.cos(angle)) / square
+        b = (1.0 - s) / square
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    e00, e11, e22 = 1.0 - a * (yy + zz), 1.0 - a * (xx + zz), 1.0 - a * (xx + yy)
+    e01, e02, e12 = a * xy - s * z, a * xz + s * y, a * yz - s * x
+    e10, e20, e21 = a * xy + s * z, a * xz - s * y, a * yz + s * x
+    for j in range(3):
+        m0, m1, m2 = measured[0, j], measured[1, j], measured[2, j]
+        turned[0, j] = e00 * m0 + e01 * m1 + e02 * m2
+        turned[1, j] = e10 * m0 + e11 * m1 + e12 * m2
+        turned[2, j] = e20 * m0 + e21 * m1 + e22 * m2
+    left[0, 0], left[1, 1], left[2, 2] = 1.0 - b * (yy + zz), 1.0 - b * (xx + zz), 1.0 - b * (xx + yy)
+    left[0, 1], left[0, 2], left[1, 2] = b * xy - a * z, b * xz + a * y, b * yz - a * x
+    left[1, 0], left[2, 0], left[2, 1] = b * xy + a * z, b * xz - a * y, b * yz + a * x
+
+
+@_inlined
+def _sight(series, n, u, per_s, turned, left, place, stretch, gain, ray, angular, kind, bend, Q, Jx, r):  # type: ignore[no-untyped-def]
+    """One sighting: residual `r` (2,), `Jx` (2, 3), `Q` (2, 9), all times the root of the robust weight.
+
+    Q holds the derivatives by rotation, position, focal and time; the column of pose time is the caller's. Returns
+    half of rho.
+    """
+    top = series.shape[2] - 1
+    p0, p1, p2 = series[n, 0, top], series[n, 1, top], series[n, 2, top]
+    v0 = v1 = v2 = 0.0
+    for k in range(top - 1, -1, -1):
+        v0, v1, v2 = v0 * u + p0, v1 * u + p1, v2 * u + p2
+        p0, p1, p2 = p0 * u + series[n, 0, k], p1 * u + series[n, 1, k], p2 * u + series[n, 2, k]
+    v0, v1, v2 = v0 * per_s, v1 * per_s, v2 * per_s
+    a0, a1, a2 = p0 - place[0], p1 - place[1], p2 - place[2]
+    y0 = turned[0, 0] * a0 + turned[0, 1] * a1 + turned[0, 2] * a2
+    y1 = turned[1, 0] * a0 + turned[1, 1] * a1 + turned[1, 2] * a2
+    y2 = turned[2, 0] * a0 + turned[2, 1] * a1 + turned[2, 2] * a2
+    s0, s1 = y0 * stretch, y1 * stretch
+    inverse = 1.0
+    if angular:
+        along = ray[0] * s0 + ray[1] * s1 + ray[2] * y2
+        nearest = NEAREST_COSINE * math.sqrt(s0 * s0 + s1 * s1 + y2 * y2)
+        inverse = 1.0 / max(along, max(nearest, 1e-9))
+    r0 = (gain[0, 0] * s0 + gain[0, 1] * s1 + gain[0, 2] * y2) * inverse
+    r1 = (gain[1, 0] * s0 + gain[1, 1] * s1 + gain[1, 2] * y2) * inverse
+    square = r0 * r0 + r1 * r1
+    cost, root = square, 1.0
+    if kind == 1 and square > bend * bend:
+        length = math.sqrt(square)
+        cost, root = 2.0 * bend * length - bend * bend, math.sqrt(bend / length)
+    elif kind == 2:
+        over = 1.0 + square / (bend * bend)
+        cost, root = bend * bend * math.log(over), math.sqrt(1.0 / over)
+    r[0], r[1] = r0 * root, r1 * root
+    for i in range(2):
+        back = 0.0
+        if angular:
+            back = r0 if i == 0 else r1
+        scale = inverse * root
+        g0 = (gain[i, 0] - back * ray[0]) * scale * stretch
+        g1 = (gain[i, 1] - back * ray[1]) * scale * stretch
+        g2 = (gain[i, 2] - back * ray[2]) * scale
+        j0 = g0 * turned[0, 0] + g1 * turned[1, 0] + g2 * turned[2, 0]
+        j1 = g0 * turned[0, 1] + g1 * turned[1, 1] + g2 * turned[2, 1]
+        j2 = g0 * turned[0, 2] + g1 * turned[1, 2] + g2 * turned[2, 2]
+        c0, c1, c2 = y1 * g2 - y2 * g1, y2 * g0 - y0 * g2, y0 * g1 - y1 * g0
+        Jx[i, 0], Jx[i, 1], Jx[i, 2] = j0, j1, j2
+        Q[i, 0] = c0 * left[0, 0] + c1 * left[1, 0] + c2 * left[2, 0]
+        Q[i, 1] = c0 * left[0, 1] + c1 * left[1, 1] + c2 * left[2, 1]
+        Q[i, 2] = c0 * left[0, 2] + c1 * left[1, 2] + c2 * left[2, 2]
+        Q[i, 3], Q[i, 4], Q[i, 5] = -j0, -j1, -j2
+        Q[i, 6] = g0 * y0 + g1 * y1
+        Q[i, 7] = j0 * v0 + j1 * v1 + j2 * v2
+        Q[i, 8] = c0
+        r[2 + 3 * i], r[3 + 3 * i], r[4 + 3 * i] = c0, c1, c2
+    return 0.5 * cost
+
+
+@_inlined
+def _pose_time(Q, Jx, r, spin, velocity):  # type: ignore[no-untyped-def]
+    """Fills the ninth column of Q: what a second of log time does through the camera's own motion."""
+    for i in range(2):
+        turn = r[2 + 3 * i] * spin[0] + r[3 + 3 * i] * spin[1] + r[4 + 3 * i] * spin[2]
+        Q[i, 8] = turn - Jx[i, 0] * velocity[3] - Jx[i, 1] * velocity[4] - Jx[i, 2] * velocity[5]
+
+
+@_inlined
+def _spin(turned, measured, rate, spin):  # type: ignore[no-untyped-def]
+    """The measured pose's turning rate in the axes of the corrected camera: exp(w) rate, exp(w) = turned measured'."""
+    b0 = measured[0, 0] * rate[0] + measured[1, 0] * rate[1] + measured[2, 0] * rate[2]
+    b1 = measured[0, 1] * rate[0] + measured[1, 1] * rate[1] + measured[2, 1] * rate[2]
+    b2 = measured[0, 2] * rate[0] + measured[1, 2] * rate[1] + measured[2, 2] * rate[2]
+    for i in range(3):
+        spin[i] = turned[i, 0] * b0 + turned[i, 1] * b1 + turned[i, 2] * b2
+
+
+@_compiled
+def block_normals(  # type: ignore[no-untyped-def]
+    cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
+    series, bias, focal, own, begin, camera, time_u, half_s,
+):  # fmt: skip
+    """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain."""
+    n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
+    nx = 3 * n_targets
+    nq = 9 if has_rate else 8
+    nz = nx + nq
+    nk = max(2 * powers - 1, 3)
+    first_q = nx * powers
+    size = first_q + 11
+    normal = np.zeros((n_blocks, size, size))
+    gradient = np.zeros((n_blocks, size))
+    DX = np.zeros((nx, 9, LANES))
+    DQ = np.zeros((9, 9, LANES))
+    gz = np.zeros((nz, LANES))
+    W = np.zeros((nz, 6, LANES))
+    wh = np.zeros((6, LANES))
+    H = np.zeros((6, 6, LANES))
+    inverse = np.zeros((6, LANES))
+    pw = np.ones((nk, LANES))
+    m = np.zeros(LANES)
+    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(8)
+    turned, left = np.zeros((3, 3)), np.zeros((3, 3))
+    error, place, spin = np.zeros(6), np.zeros(3), np.zeros(3)
+    moment = np.zeros(nk)
+    q_place = np.zeros(9, np.int64)
+    for i in range(7):
+        q_place[i] = first_q + i
+    q_place[7], q_place[8] = first_q + 7, first_q + 9
+    cost = frame_gain = 0.0
+    for b in range(n_blocks):
+        c = camera[b]
+        still = True
+        for i in range(6):
+            still = still and spread[c, i] == 0.0
+        stretch = math.exp(focal[c])
+        per_s = 1.0 / half_s[b]
+        N, g = normal[b], gradient[b]
+        for low in range(begin[b], begin[b + 1], LANES):
+            lanes = min(LANES, begin[b + 1] - low)
+            # --- linearise frame by frame
+            for lane in range(lanes):
+                f = low + lane
+                u = time_u[f]
+                for k in range(1, nk):
+                    pw[k, lane] = pw[k - 1, lane] * u
+                for i in range(6):
+                    error[i] = bias[c, i] + spread[c, i] * own[f, i]
+                for i in range(3):
+                    place[i] = position[f, i] + error[3 + i]
+                _turn(error, cam_from_enu[f], turned, left)
+                if has_rate:
+                    _spin(turned, cam_from_enu[f], rate[f], spin)
+                for i in range(nq):
+                    gz[nx + i, lane] = 0.0
+                    for j in range(nq):
+                        DQ[i, j, lane] = 0.0
+                for n in range(n_targets):
+                    x = 3 * n
+                    if not seen[f, n]:
+                        for i in range(3):
+                            gz[x + i, lane] = 0.0
+                            for j in range(nq):
+                                DX[x + i, j, lane] = 0.0
+                        continue
+                    cost += _sight(
+                        series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], angular, kind,
+                        bend, Q, Jx, r,
+                    )  # fmt: skip
+                    if has_rate:
+                        _pose_time(Q, Jx, r, spin, rate[f])
+                    r0, r1 = r[0], r[1]
+                    for i in range(nq):
+                        q0, q1 = Q[0, i], Q[1, i]
+                        gz[nx + i, lane] += q0 * r0 + q1 * r1
+                        for j in range(i + 1):
+                            DQ[i, j, lane] += q0 * Q[0, j] + q1 * Q[1, j]
+                    for i in range(3):
+                        j0, j1 = Jx[0, i], Jx[1, i]
+                        gz[x + i, lane] = j0 * r0 + j1 * r1
+                        for j in range(nq):
+                            DX[x + i, j, lane] = j0 * Q[0, j] + j1 * Q[1, j]
+                for i in range(6):
+                    own_i = own[f, i]
+                    cost += 0.5 * prior[c, i] * own_i * own_i
+            # --- eliminate the frames' own errors
+            if not still:
+                for i in range(6):
+                    si = spread[c, i]
+                    for j in range(i + 1):
+                        sij = si * spread[c, j]
+                        for lane in range(lanes):
+                            H[i, j, lane] = DQ[i, j, lane] * sij
+                    for lane in range(lanes):
+                        own_part = H[i, i, lane] * (1.0 + damping) + prior[c, i]
+                        H[i, i, lane] = own_part if own_part > 0.0 else 1.0
+                        wh[i, lane] = gz[nx + i, lane] * si + prior[c, i] * own[low + lane, i]
+                for i in range(6):
+                    for j in range(i):
+                        for k in range(j):
+                            for lane in range(lanes):
+                                H[i, j, lane] -= H[i, k, lane] * H[j, k, lane]
+                        for lane in range(lanes):
+                            H[i, j, lane] *= inverse[j, lane]
+                    for k in range(i):
+                        for lane in range(lanes):
+                            H[i, i, lane] -= H[i, k, lane] * H[i, k, lane]
+                    for lane in range(lanes):
+                        inverse[i, lane] = 1.0 / math.sqrt(H[i, i, lane])
+                for i in range(6):
+                    for k in range(i):
+                        for lane in range(lanes):
+                            wh[i, lane] -= H[i, k, lane] * wh[k, lane]
+                    for lane in range(lanes):
+                        wh[i, lane] *= inverse[i, lane]
+                        frame_gain += 0.5 * wh[i, lane] * wh[i, lane]
+                for z in range(nz):
+                    for i in range(6):
+                        si = spread[c, i]
+                        if z < nx:
+                            for lane in range(lanes):
+                                W[z, i, lane] = DX[z, i, lane] * si
+                        elif z - nx < i:
+                            for lane in range(lanes):
+                                W[z, i, lane] = DQ[i, z - nx, lane] * si
+                        else:
+                            for lane in range(lanes):
+                                W[z, i, lane] = DQ[z - nx, i, lane] * si
+                        for k in range(i):
+                            for lane in range(lanes):
+                                W[z, i, lane] -= H[i, k, lane] * W[z, k, lane]
+                        for lane in range(lanes):
+                            W[z, i, lane] *= inverse[i, lane]
+                    for i in range(6):
+                        for lane in range(lanes):
+                            gz[z, lane] -= W[z, i, lane] * wh[i, lane]
+            # --- moments
+            for z in range(nz):
+                if z < nx:
+                    for k in range(powers):
+                        s = 0.0
+                        for lane in range(lanes):
+                            s += gz[z, lane] * pw[k, lane]
+                        g[z * powers + k] += s
+                else:
+                    for k in range(2 if z - nx >= 7 else 1):
+                        s = 0.0
+                        for lane in range(lanes):
+                            s += gz[z, lane] * pw[k, lane]
+                        g[q_place[z - nx] + k] += s
+                for y in range(z + 1):
+                    if z < nx:
+                        same = z // 3 == y // 3
+                        if still and not same:
+                            continue
+                        if same:
+                            for lane in range(lanes):
+                                m[lane] = -DX[z, 3 + y % 3, lane]
+                        else:
+                            for lane in range(lanes):
+                                m[lane] = 0.0
+                        count = 2 * powers - 1
+                    elif y < nx:
+                        for lane in range(lanes):
+                            m[lane] = DX[y, z - nx, lane]
+                        count = powers + (1 if z - nx >= 7 else 0)
+                    else:
+                        for lane in range(lanes):
+                            m[lane] = DQ[z - nx, y - nx, lane]
+                        count = 1 + (1 if z - nx >= 7 else 0) + (1 if y - nx >= 7 else 0)
+                    if not still:
+                        for lane in range(lanes):
+                            m[lane] -= (
+                                W[z, 0, lane] * W[y, 0, lane]
+                                + W[z, 1, lane] * W[y, 1, lane]
+                                + W[z, 2, lane] * W[y, 2, lane]
+                                + W[z, 3, lane] * W[y, 3, lane]
+                                + W[z, 4, lane] * W[y, 4, lane]
+                                + W[z, 5, lane] * W[y, 5, lane]
+                            )
+                    for k in range(count):
+                        s = 0.0
+                        for lane in range(lanes):
+                            s += m[lane] * pw[k, lane]
+                        moment[k] = s
+                    if z < nx:
+                        for i in range(powers):
+                            for j in range(powers):
+                                N[z * powers + i, y * powers + j] += moment[i + j]
+                    else:
+                        wide = 2 if z - nx >= 7 else 1
+                        if y < nx:
+                            for i in range(wide):
+                                for j in range(powers):
+                                    N[q_place[z - nx] + i, y * powers + j] += moment[i + j]
+                        else:
+                            for i in range(wide):
+                                for j in range(2 if y - nx >= 7 else 1):
+                                    N[q_place[z - nx] + i, q_place[y - nx] + j] += moment[i + j]
+        for i in range(size):
+            for j in range(i):
+                N[j, i] = N[i, j]
+    return normal, gradient, cost, frame_gain
+
+
+@_compiled
+def frame_steps(  # type: ignore[no-untyped-def]
+    cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
+    series, bias, focal, own, begin, camera, time_u, half_s, step,
+):  # fmt: skip
+    """Twin of `elimination.frame_steps_plain`: du (F, 6)."""
+    n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
+    first_q = 3 * n_targets * powers
+    out = np.zeros((len(own), 6))
+    H, right = np.zeros((6, 6)), np.zeros(6)
+    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(8)
+    turned, left = np.zeros((3, 3)), np.zeros((3, 3))
+    error, place, spin, dq = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(9)
+    for b in range(n_blocks):
+        c = camera[b]
+        still = True
+        for i in range(6):
+            still = still and spread[c, i] == 0.0
+        if still:
+            continue
+        stretch = math.exp(focal[c])
+        per_s = 1.0 / half_s[b]
+        d = step[b]
+        for f in range(begin[b], begin[b + 1]):
+            u = time_u[f]
+            for i in range(6):
+                error[i] = bias[c, i] + spread[c, i] * own[f, i]
+                right[i] = 0.0
+                for j in range(6):
+                    H[i, j] = 0.0
+            for i in range(3):
+                place[i] = position[f, i] + error[3 + i]
+            _turn(error, cam_from_enu[f], turned, left)
+            if has_rate:
+                _spin(turned, cam_from_enu[f], rate[f], spin)
+            for i in range(7):
+                dq[i] = d[first_q + i]
+            dq[7] = d[first_q + 7] + u * d[first_q + 8]
+            dq[8] = d[first_q + 9] + u * d[first_q + 10]
+            for n in range(n_targets):
+                if not seen[f, n]:
+                    continue
+                _sight(
+                    series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], angular, kind, bend,
+                    Q, Jx, r,
+                )  # fmt: skip
+                if has_rate:
+                    _pose_time(Q, Jx, r, spin, rate[f])
+                else:
+                    Q[0, 8] = Q[1, 8] = 0.0
+                a0, a1 = r[0], r[1]
+                for i in range(3):
+                    at = (3 * n + i) * powers
+                    moved = d[at + powers - 1]
+                    for k in range(powers - 2, -1, -1):
+                        moved = moved * u + d[at + k]
+                    a0 += Jx[0, i] * moved
+                    a1 += Jx[1, i] * moved
+                for i in range(9):
+                    a0 += Q[0, i] * dq[i]
+                    a1 += Q[1, i] * dq[i]
+                for i in range(6):
+                    right[i] += Q[0, i] * a0 + Q[1, i] * a1
+                    for j in range(i + 1):
+                        H[i, j] += Q[0, i] * Q[0, j] + Q[1, i] * Q[1, j]
+            for i in range(6):
+                right[i] = right[i] * spread[c, i] + prior[c, i] * own[f, i]
+                for j in range(i + 1):
+                    H[i, j] *= spread[c, i] * spread[c, j]
+                H[i, i] = H[i, i] * (1.0 + damping) + prior[c, i]
+                if H[i, i] <= 0.0:
+                    H[i, i] = 1.0
+            for i in range(6):
+                for j in range(i):
+                    for k in range(j):
+                        H[i, j] -= H[i, k] * H[j, k]
+                    H[i, j] *= H[j, j]
+                for k in range(i):
+                    H[i, i] -= H[i, k] * H[i, k]
+                H[i, i] = 1.0 / math.sqrt(H[i, i])
+                for k in range(i):
+                    right[i] -= H[i, k] * right[k]
+                right[i] *= H[i, i]
+            for i in range(5, -1, -1):
+                for k in range(i + 1, 6):
+                    right[i] -= H[k, i] * right[k]
+                right[i] *= H[i, i]
+                out[f, i] = -right[i]
+    return out

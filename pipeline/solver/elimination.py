@@ -229,7 +229,8 @@ def frame_steps(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blo
 def _kernel_arguments(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> tuple[object, ...]:
     rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
     return (
-        frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None, frames.ray, frames.gain,
-        frames.angular, pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
+        frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None,
+        frames.ray, frames.gain, frames.seen, frames.angular,
+        pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
         at.series, at.bias, at.focal, at.own, blocks.begin, blocks.camera, blocks.u, blocks.half_s,
     )  # fmt: skip
