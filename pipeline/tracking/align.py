@@ -25,7 +25,6 @@ ITERATIONS, ENOUGH_PX = 10, 0.004
 SHARED_NOISE = 8.0  # pixels that one independent value of the noise covers, after smoothing and compression
 ROBUST = 2.5  # sigmas at which a pixel has lost half its say
 REACH_PX = 5.0
-DOUBT = 7.0**2  # added to the spread of a pixel where it votes
 TOLERANCE = 4.0**2, 15.0**2  # least and largest squared residual (grey levels) that a pixel may be forgiven, one sigma
 # scale, rotation, shears: what one frame may change
 SHAPE_SIGMA = np.array([0.01, 0.02, 0.007, 0.007])
@@ -40,7 +39,7 @@ class Alignment:
     score           weighted correlation over the box and the colours, -1 to 1
     agreeing        share of the box's pixels whose residual is as expected, 0 to 1
     inside          share of the box inside the image
-    seen            (h, w, 3) the image under the warp at the template's brightness
+    raw, seen       (h, w, 3) the image under the warp, and the same at the template's brightness
     residual        (h, w) squared, mean over the colours
     """
 
@@ -49,6 +48,7 @@ class Alignment:
     score: float
     agreeing: float
     inside: float
+    raw: Pixels
     seen: Pixels
     residual: Pixels
 
@@ -161,7 +161,7 @@ def _judged(
     core = template.core & (inside > 0)
     wide = max(1, int(template.core.sum()))
     tolerance = ROBUST**2 * np.clip(template.spread[core], *TOLERANCE)
-    trust = 1.0 / (template.spread[core] + DOUBT)
+    trust = template.trust[core]
     agreeing = float((trust * (residual[core] < tolerance)).sum() / max(1e-9, float(trust.sum())))
     position = warp.linear @ inverse[:2, :2] @ warp.linear.T
     return Alignment(
@@ -170,6 +170,7 @@ def _judged(
         score=_score(template, seen, core),
         agreeing=agreeing,
         inside=float(core.sum() / wide),
+        raw=seen,
         seen=light,
         residual=np.asarray(residual, np.float32),
     )
@@ -190,7 +191,7 @@ def _score(template: Template, seen: Pixels, core: np.ndarray) -> float:
     """Correlation over the box, each colour about its own mean, pixels weighted by what is expected of them."""
     if core.sum() < 4:
         return -1.0
-    weight = (1.0 / (template.spread[core] + DOUBT))[:, None]
+    weight = template.trust[core][:, None]
     a, b = template.pixels[core], seen[core]
     total = weight.sum()
     a, b = a - (weight * a).sum(axis=0) / total, b - (weight * b).sum(axis=0) / total

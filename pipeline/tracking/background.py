@@ -17,25 +17,39 @@ from calibration.arrays import Floats
 from pipeline.tracking.video import Image
 
 CORNERS, REFRESH, FEWEST = 150, 6, 12
+KEY_EVERY, KEYS = 6, 3  # a frame in so many is kept, and so many of them
 REDUCED_WIDTH_PX = 320
 FLOW_WINDOW = (15, 15)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Keyframe:
+    """An earlier frame, what leads from it to the current one (homography), and how many frames ago it was."""
+
+    pixels: Image
+    cur_from_key: Floats
+    age: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Background:
-    """The scene as last seen: reduced grey image, its corners (k, 1, 2), frames since they were chosen."""
+    """The scene as last seen: reduced grey image, its corners (k, 1, 2), frames since they were chosen.
+
+    keys  earlier frames, newest first
+    """
 
     grey: Image
     corners: npt.NDArray[np.float32]
     age: int
     factor: int
+    keys: tuple[Keyframe, ...]
 
 
 def first_background(pixels: Image) -> Background:
     """The background as of the first frame."""
     factor = max(1, round(max(pixels.shape[:2]) / REDUCED_WIDTH_PX))
     grey = _reduced(pixels, factor)
-    return Background(grey=grey, corners=_corners(grey), age=0, factor=factor)
+    return Background(grey=grey, corners=_corners(grey), age=0, factor=factor, keys=(_key(pixels),))
 
 
 def advance(before: Background, pixels: Image) -> tuple[Background, Floats]:
@@ -44,13 +58,22 @@ def advance(before: Background, pixels: Image) -> tuple[Background, Floats]:
     prev, cur = _flow(before, grey)
     motion = _fit(prev, cur)
     keep = len(cur) >= CORNERS // 2 and before.age < REFRESH
+    full = _full(motion, before.factor)
+    keys = tuple(
+        Keyframe(pixels=k.pixels, cur_from_key=full @ k.cur_from_key, age=k.age + 1) for k in before.keys[:KEYS]
+    )
     after = Background(
         grey=grey,
         corners=cur[:, None] if keep else _corners(grey),
         age=before.age + 1 if keep else 0,
         factor=before.factor,
+        keys=(_key(pixels), *keys) if keys[0].age >= KEY_EVERY else keys,
     )
-    return after, _full(motion, before.factor)
+    return after, full
+
+
+def _key(pixels: Image) -> Keyframe:
+    return Keyframe(pixels=pixels, cur_from_key=np.eye(3), age=0)
 
 
 def moved(cur_from_prev: Floats, xy_px: Floats) -> tuple[Floats, Floats]:

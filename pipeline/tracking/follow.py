@@ -17,11 +17,12 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.align import Alignment, align
+from pipeline.tracking.background import Keyframe, moved
 from pipeline.tracking.coarse import Coarse, look, start_coarse
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import best_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Template, Warp, adapted, first_template
+from pipeline.tracking.template import Template, Warp, adapted, contrasted, first_template, sample
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS = 2  # frames after a find that must agree with it
@@ -31,7 +32,17 @@ TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), 
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
+TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, SIGMA_SCALE = 0.05, 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """What the frame is to every target: time since the last, motion of the background, earlier frames."""
+
+    dt_s: float
+    cur_from_prev: Floats
+    keys: tuple[Keyframe, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,18 +98,18 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
 
 
 def follow(
-    target: Followed, image: Image, frame: int, dt_s: float, cur_from_prev: Floats, settings: TrackingSettings
+    target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
-    course, jacobian = carried(target.course, cur_from_prev, dt_s)
+    course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
     target = replace(target, course=course, linear=jacobian @ target.linear)
     if target.hidden:
-        return _searched(target, image, frame, dt_s, settings)
+        return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, image, settings)
     if found is None:
-        gone = replace(target, hidden=True, coarse=None, lost_s=dt_s, pending=())
+        gone = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
         return gone, ()
-    target = _learned(target, image, found, dt_s, settings)
+    target = _learned(target, image, found, scene, settings)
     fix = _fix(frame, found)
     if not target.pending:
         return target, (fix,)
@@ -127,19 +138,21 @@ def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple
 
 
 def _searched(
-    target: Followed, image: Image, frame: int, dt_s: float, settings: TrackingSettings
+    target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """A hidden target: the whole region in which it can be."""
-    target = replace(target, lost_s=target.lost_s + dt_s)
+    target = replace(target, lost_s=target.lost_s + scene.dt_s)
     if target.lost_s > settings.longest_loss_s or not _in_view(target.course, image):
         return target, ()
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     reach = 4.0 + 3.0 * target.course.sigma_px
-    found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 2.0)
+    turn = TURNS_RAD[frame % len(TURNS_RAD)] * (2.0 if frame % 8 > 3 and target.lost_s > 0.4 else 1.0)
+    looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
+    found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
     if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
         return target, ()
     target = replace(target, hidden=False, coarse=None)
-    return replace(_learned(target, image, found, dt_s, settings, learn=False), pending=(_fix(frame, found),)), ()
+    return replace(_learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found),)), ()
 
 
 def _in_view(course: Course, image: Image) -> bool:
@@ -164,16 +177,18 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
 
 
 def _learned(
-    target: Followed, image: Image, found: Alignment, dt_s: float, settings: TrackingSettings, learn: bool = True
+    target: Followed, image: Image, found: Alignment, scene: Scene, settings: TrackingSettings, learn: bool = True
 ) -> Followed:
     """The target after an accepted fix: course, shape, look, and a coarse tracker that is where the fix is."""
     quality = np.array([found.score, found.agreeing])
     whole = bool(np.all(quality >= target.usual - TO_LEARN))
-    learn = learn and not target.pending and (whole or target.new)
     template = target.template
-    if learn:
+    if learn and not target.pending:
         spread_rate = max(SPREAD_RATE, 1.0 / (target.fixes + 3.0)) if target.new else SPREAD_RATE
-        template = adapted(template, found.seen, found.residual, settings.adaptation, spread_rate)
+        rate = settings.adaptation if whole or target.new else 0.0
+        template = adapted(template, found.seen, found.residual, rate, spread_rate)
+        if rate > 0:
+            template = _set_apart(template, target, found, scene, spread_rate)
     coarse = target.coarse
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
@@ -188,8 +203,28 @@ def _learned(
         usual=target.usual + usual_rate * (quality - target.usual),
         lost_s=0.0,
         fixes=target.fixes + 1,
-        travelled_px=target.travelled_px + float(np.hypot(*course.velocity)) * dt_s,
+        travelled_px=target.travelled_px + float(np.hypot(*course.velocity)) * scene.dt_s,
     )
+
+
+def _set_apart(template: Template, target: Followed, found: Alignment, scene: Scene, rate: float) -> Template:
+    """Compares the target with the same ground in an earlier frame, from before the target was there."""
+    speed = float(np.hypot(*target.course.velocity)) * scene.dt_s
+    size = float(np.sqrt(np.prod(template.size_px) * abs(np.linalg.det(found.warp.linear))))
+    away = [key for key in scene.keys if speed * key.age >= min(2.0, 0.5 * size)]
+    if not away:
+        return template
+    key = next((key for key in away if speed * key.age >= size), away[-1])
+    then, jacobian = moved(np.asarray(np.linalg.inv(key.cur_from_key)), found.warp.centre_px)
+    behind = Warp(linear=jacobian @ found.warp.linear, centre_px=then)
+    if found.inside < 1.0 or not _inside_image(then, key.pixels):
+        return template
+    ground = sample(key.pixels, behind, template.shape, template.step_px)
+    return contrasted(template, ((ground - found.raw) ** 2).mean(axis=2), rate)
+
+
+def _inside_image(point_px: Floats, image: Image) -> bool:
+    return bool(np.all(point_px >= 0) and point_px[0] < image.shape[1] and point_px[1] < image.shape[0])
 
 
 def _fix(frame: int, found: Alignment) -> Fix:

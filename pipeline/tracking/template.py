@@ -21,7 +21,9 @@ Pixels = npt.NDArray[np.float32]
 
 LARGEST_PIXELS = 1600  # finer templates gain nothing
 SMOOTHING_PX = 0.7  # of image and template alike, in template pixels: against noise and interpolation error
-NOISE_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 25.0**2, 40.0**2  # squared grey levels
+# squared grey levels: of a pixel that surely belongs to the target, of the box's corners, of the margin, at most
+DOUBT = 7.0**2  # added to the spread of a pixel where it votes
+NOISE_SPREAD, CORNER_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 10.0**2, 25.0**2, 40.0**2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,6 +40,7 @@ class Template:
 
     pixels   (h, w, 3) smoothed, grey levels
     spread   (h, w) expected squared residual
+    apart    (h, w) expected squared difference from the scene behind, as far as the target has moved in front of it
     core     (h, w) true inside the first box
     step_px  distance of neighbouring template pixels in u
     size_px  (width, height) of the first box
@@ -45,6 +48,7 @@ class Template:
 
     pixels: Pixels
     spread: Pixels
+    apart: Pixels
     core: Bools
     step_px: float
     size_px: tuple[float, float]
@@ -53,6 +57,17 @@ class Template:
     def shape(self) -> tuple[int, int]:
         """(height, width) of the picture."""
         return self.pixels.shape[0], self.pixels.shape[1]
+
+    @property
+    def trust(self) -> Pixels:
+        """(h, w) the say of each pixel in whether this is the target: those that follow it and differ from the rest."""
+        own = np.clip(self.apart / (self.spread + NOISE_SPREAD) - 0.5, 0.15, 1.5) / 1.5
+        return np.asarray(own / (self.spread + DOUBT), np.float32)
+
+    @property
+    def proven(self) -> Bools:
+        """(h, w) true for pixels that surely belong to the target."""
+        return np.asarray(self.apart > 2.0 * (self.spread + NOISE_SPREAD))
 
     def grid(self) -> tuple[Floats, Floats]:
         """The u coordinates of the columns (w,) and rows (h,)."""
@@ -71,8 +86,9 @@ def first_template(image: Image, centre_px: Floats, size_px: tuple[float, float]
     core = (np.abs(ux)[None, :] <= size_px[0] / 2) & (np.abs(uy)[:, None] <= size_px[1] / 2)
     start = Warp(linear=np.eye(2), centre_px=np.asarray(centre_px, float))
     pixels = sample(image, start, (h, w), step)
-    spread = np.where(core, NOISE_SPREAD, OUTSIDE_SPREAD).astype(np.float32)
-    return Template(pixels=pixels, spread=spread, core=core, step_px=step, size_px=size_px)
+    oval = (ux[None, :] / size_px[0]) ** 2 + (uy[:, None] / size_px[1]) ** 2 <= 0.25
+    spread = np.where(oval, NOISE_SPREAD, np.where(core, CORNER_SPREAD, OUTSIDE_SPREAD)).astype(np.float32)
+    return Template(pixels=pixels, spread=spread, apart=np.zeros_like(spread), core=core, step_px=step, size_px=size_px)
 
 
 def sample(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float = 0.0) -> Pixels:
@@ -127,12 +143,20 @@ def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float, spr
 
     seen         (h, w, 3) the frame under the found warp, brought to the template's brightness
     residual     (h, w) squared residual, mean over the colours
-    rate         share of the frame that enters the look
+    rate         share of the frame that enters the look; zero while part of the target may be covered: then only the
+                 pixels not proven to be the target's learn how much they may differ
     spread_rate  share of the frame that enters the spread
     """
-    spread = template.spread + np.float32(spread_rate) * (np.minimum(residual, LARGEST_SPREAD) - template.spread)
+    share = np.where(template.proven, np.float32(spread_rate if rate > 0 else 0.0), np.float32(spread_rate))
+    spread = template.spread + share * (np.minimum(residual, LARGEST_SPREAD) - template.spread)
     return replace(
         template,
         pixels=template.pixels + np.float32(rate) * (seen - template.pixels),
         spread=np.maximum(spread, NOISE_SPREAD / 4).astype(np.float32),
     )
+
+
+def contrasted(template: Template, difference: Pixels, rate: float) -> Template:
+    """The template after its pixels were compared with the scene behind: `difference` (h, w) squared."""
+    apart = template.apart + np.float32(rate) * (np.minimum(difference, LARGEST_SPREAD) - template.apart)
+    return replace(template, apart=apart.astype(np.float32))

@@ -13,7 +13,7 @@ from calibration.arrays import Floats
 from pipeline.errors import TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
 from pipeline.tracking.background import advance, first_background
-from pipeline.tracking.follow import Fix, Followed, begin, follow
+from pipeline.tracking.follow import Fix, Followed, Scene, begin, follow
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.video import Frame, frames_of, video_head
@@ -81,12 +81,13 @@ def _followed(
         else:
             background, motion = advance(background, frame.pixels)
         dt_s = frame.time_s - times[-1] if times else 0.0
+        scene = Scene(dt_s=dt_s, cur_from_prev=motion, keys=background.keys)
         for name, box in boxes.items():
             if frame.index == box.frame:
                 targets[name], first = begin(frame.pixels, box, settings)
                 fixes[name].append(first)
             elif name in targets:
-                targets[name], new = follow(targets[name], frame.pixels, frame.index, dt_s, motion, settings)
+                targets[name], new = follow(targets[name], frame.pixels, frame.index, scene, settings)
                 fixes[name] += new
         times.append(frame.time_s)
         if progress is not None:
