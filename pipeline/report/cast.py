@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.arrays import Bools, Floats, Ints
 from pipeline.records import PoseTrack, Results, Sightings, Trajectory
 from pipeline.report.words import whole
 
 COLOURS = 8
+UNSEEN_S, UNSURE = 1.0, 10.0
 
 
 def targets(results: Results) -> tuple[str, ...]:
@@ -37,7 +38,10 @@ def time_span(results: Results) -> tuple[float, float]:
     times = [t.time_s for t in results.trajectories] + [results.solution.sightings.time_s]
     pool = np.concatenate([np.zeros(0), *times])
     pool = pool[np.isfinite(pool)]
-    return (float(pool.min()), float(pool.max())) if len(pool) and np.ptp(pool) > 0 else (0.0, 1.0)
+    if not len(pool) or np.ptp(pool) <= 0:
+        return 0.0, 1.0
+    low, high = float(pool.min()), float(pool.max())
+    return (0.0 if 0 < low < 0.03 * high else low), high
 
 
 def frame_times(results: Results, camera: str, frames: Ints) -> Floats:
@@ -107,6 +111,26 @@ def thinning_words(results: Results, limit: int) -> str:
     """A sentence where trajectories have more samples than are drawn, else ""."""
     most = max((len(t.time_s) for t in results.trajectories), default=0)
     return "" if most <= limit else f" Curves are drawn through {whole(limit)} of up to {whole(most)} samples."
+
+
+def well_known(results: Results, trajectory: Trajectory) -> Bools:
+    """(n,) where the target's place is known: seen less than a second away, sigma below ten times its median.
+
+    Elsewhere the motion only bridges a gap; figures draw it dotted and leave it out of their ranges.
+    """
+    times = np.sort(results.solution.sightings.time_s[rows_of(results.solution.sightings, target=trajectory.target)])
+    n = len(trajectory.time_s)
+    if not len(times) or not n:
+        return np.ones(n, bool)
+    usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    after = np.searchsorted(times, trajectory.time_s).clip(1, max(len(times) - 1, 1))
+    around = times[np.stack([after - 1, np.minimum(after, len(times) - 1)])]
+    near = np.abs(around - trajectory.time_s).min(axis=0) <= max(UNSEEN_S, 3 * usual)
+    sigma = trajectory.sigma_m
+    good = sigma[near & np.isfinite(sigma)]
+    limit = UNSURE * float(np.median(good)) if len(good) else np.inf
+    known = near & ~(sigma > limit)
+    return known if known.any() else np.ones(n, bool)
 
 
 def rows_of(sightings: Sightings, camera: str | None = None, target: str | None = None) -> Ints:

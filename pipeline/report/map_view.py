@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, geodetic_from_enu
 from pipeline.records import Results, Trajectory
@@ -48,7 +48,7 @@ def map_figure(results: Results) -> Html:
     """One map of the whole scene and, where the targets fill little of it, a closer one of them."""
     paths = cast.camera_paths(results)
     tracks = [cast.thin_trajectory(t, FIXES) for t in results.trajectories if len(t.time_s)]
-    on_ground = [t.position_enu_m[:, :2] for t in tracks]
+    on_ground = [t.position_enu_m[cast.well_known(results, t), :2] for t in tracks]
     everything = [*on_ground, *(p.position_enu_m[:, :2] for p in paths)]
     if not any(np.isfinite(a).any() for a in everything):
         return note("There is nothing to draw: no position is known.")
@@ -118,6 +118,8 @@ def _legend(results: Results) -> Html:
     ]
     if results.truth is not None:
         keys.append(key("truth", "truth"))
+    if not all(cast.well_known(results, t).all() for t in results.trajectories):
+        keys.append(key("unsure c-ink", "not seen, a guess"))
     return target_legend(results, *keys, only=[t.target for t in results.trajectories])
 
 
@@ -166,7 +168,8 @@ def _grid(sheet: Sheet) -> list[Html]:
 
 
 def _corridor(results: Results, sheet: Sheet, trajectory: Trajectory, factor: int) -> Html:
-    at = _evenly_along(trajectory.position_enu_m[:, :2], ELLIPSES)
+    known = np.flatnonzero(cast.well_known(results, trajectory))
+    at = known[_evenly_along(trajectory.position_enu_m[known, :2], ELLIPSES)]
     centres = sheet.px(trajectory.position_enu_m[at])
     flip = np.diag([1.0, -1.0]) * sheet.scale * factor
     covariances = flip @ trajectory.covariance[at][:, :2, :2] @ flip.T
@@ -181,7 +184,7 @@ def _corridor(results: Results, sheet: Sheet, trajectory: Trajectory, factor: in
     return tag("g", *rings, class_=cast.tone(results, trajectory.target))
 
 
-def _evenly_along(position: Floats, count: int) -> Floats:
+def _evenly_along(position: Floats, count: int) -> Ints:
     """Indices of points evenly spaced along the path, the first and the last among them."""
     steps = np.nan_to_num(np.linalg.norm(np.diff(position, axis=0), axis=1))
     way = np.concatenate([[0.0], np.cumsum(steps)])
@@ -194,7 +197,10 @@ def _target(results: Results, sheet: Sheet, trajectory: Trajectory, every: float
     px = sheet.px(trajectory.position_enu_m)
     beats = np.arange(np.ceil(trajectory.time_s[0] / every), np.floor(trajectory.time_s[-1] / every) + 1) * every
     at_beats = np.stack([np.interp(beats, trajectory.time_s, px[:, i]) for i in (0, 1)], axis=1)
-    marks = [tag("path", d=path(px), class_="line"), tag("path", d=specks(at_beats), class_="beats")]
+    known = cast.well_known(results, trajectory)
+    sure = np.where(known[:, None], px, np.nan)
+    marks = [] if known.all() else [tag("path", d=path(px), class_="unsure")]
+    marks += [tag("path", d=path(sure), class_="line"), tag("path", d=specks(at_beats), class_="beats")]
     ends = (("start", px[0], 5.5), ("end", px[-1], 5.5))
     marks += [tag("circle", cx=float(p[0]), cy=float(p[1]), r=r, class_=c) for c, p, r in ends if np.isfinite(p).all()]
     return tag("g", *marks, class_=cast.tone(results, trajectory.target))

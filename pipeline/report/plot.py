@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
 from pipeline.report.axes import Scale
 from pipeline.report.markup import Html, joined, path, specks, tag
 
@@ -41,9 +41,10 @@ def panel(
     log_y: bool = False,
     log_x: bool = False,
     equal: bool = False,
+    top: int = 12,
 ) -> Panel:
     """A panel over the ranges `x` and `y`; `equal` widens one of them until a unit is as long on both axes."""
-    inner_w, inner_h = width - left - 12, height - 12 - 40
+    inner_w, inner_h = width - left - 12, height - top - 40
     if equal:
         unit = max((x[1] - x[0]) / inner_w, (y[1] - y[0]) / inner_h)
         x, y = _widened(x, unit * inner_w), _widened(y, unit * inner_h)
@@ -53,7 +54,7 @@ def panel(
         width=width,
         height=height,
         left=left,
-        top=12,
+        top=top,
     )
 
 
@@ -70,6 +71,12 @@ def points(p: Panel, x: npt.ArrayLike, y: npt.ArrayLike) -> Floats:
 def line(p: Panel, x: npt.ArrayLike, y: npt.ArrayLike, class_: str = "line", **more: Any) -> Html:
     """A curve; NaN breaks it."""
     return tag("path", d=path(points(p, x, y)), class_=class_, **more)
+
+
+def known_line(p: Panel, x: npt.ArrayLike, y: npt.ArrayLike, known: Bools, class_: str = "line") -> Html:
+    """A curve that is dotted where it is not `known` (n,)."""
+    whole = Html("") if known.all() else line(p, x, y, "unsure")
+    return joined(whole, line(p, x, np.where(known, np.asarray(y, float), np.nan), class_))
 
 
 def band(p: Panel, x: npt.ArrayLike, low: npt.ArrayLike, high: npt.ArrayLike, class_: str = "band") -> Html:

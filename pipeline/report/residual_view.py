@@ -101,11 +101,11 @@ def _caption(total: int, shown: int, odd: int, reach: float) -> str:
 
 
 def _chosen(sightings: Sightings, rows: Ints) -> tuple[Ints, int]:
-    """Rows to draw, at most DRAWN: the outliers above four sigmas first, the rest evenly thinned."""
+    """Rows to draw, at most DRAWN: the largest tenth of them first, the rest evenly thinned."""
     if len(rows) <= DRAWN:
         return rows, 0
     size = np.nan_to_num(sightings.residual_sigma[rows])
-    far = rows[np.argsort(-size, kind="stable")[: min(int(np.count_nonzero(size > 4)), DRAWN // 3)]]
+    far = rows[np.argsort(-size, kind="stable")[: DRAWN // 10]]
     rest = np.setdiff1d(rows, far)
     return np.sort(np.concatenate([far, rest[cast.thinned(len(rest), DRAWN - len(far))]])), len(far)
 

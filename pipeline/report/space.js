@@ -7,7 +7,7 @@ const makeSpace = (canvas, flight) => {
   const eye = { yaw: -0.6, pitch: 0.55, distance: 100, at: [0, 0, 0] };
   let now = flight.time[0], width = 0, height = 0, axes = [], tint = {};
 
-  const points = { targets: flight.targets.flatMap((t) => t.p), cameras: flight.cameras.flatMap((c) => c.p) };
+  const points = { targets: flight.targets.flatMap(({ p, guess }) => { const out = new Set(guess); return p.filter((_, i) => !out.has(i)); }), cameras: flight.cameras.flatMap((c) => c.p) };
   points.all = points.targets.concat(points.cameras);
   const bounds = (list) => [0, 1, 2].map((k) => list.reduce((m, p) => [Math.min(m[0], p[k]), Math.max(m[1], p[k])], [Infinity, -Infinity]));
   const ground = points.targets.length ? bounds(points.targets)[2][0] : points.all.length ? bounds(points.all)[2][0] : 0;
@@ -171,11 +171,14 @@ const makeSpace = (canvas, flight) => {
   };
   const drawTarget = (target) => {
     if (!target.p.length) return;
-    const colour = tint.targets[target.colour];
+    const colour = tint.targets[target.colour], guess = new Set(target.guess);
+    const sure = [], guessed = [];
+    chain(target.p).forEach((pair, i) => (guess.has(i) || guess.has(i + 1) ? guessed : sure).push(pair));
     lines(chain(target.p).map((pair) => pair.map(([e, n]) => [e, n, ground])), tint.soft, 1.5, 0.25);
     if (show.uncertainty) tube(target, colour);
     if (show.truth && target.truth.length) lines(chain(target.truth), tint.ink, 1.2, 0.9, [5, 4]);
-    lines(chain(target.p), colour, 2.2);
+    lines(sure, colour, 2.2);
+    lines(guessed, colour, 1.3, 0.7, [1, 4]);
     disc(target.p[0], colour, 4, true);
     const place = placeOf(target, now);
     if (place) disc(place, colour, 6);

@@ -58,7 +58,7 @@ def space_data(results: Results) -> Html:
     tracks = [cast.thin_trajectory(t, limit) for t in results.trajectories if len(t.time_s)]
     paths = cast.camera_paths(results, CAMERA_POINTS)
     start, end = cast.time_span(results)
-    reach = _reach([t.position_enu_m for t in tracks])
+    reach = _reach([t.position_enu_m[cast.well_known(results, t)] for t in tracks])
     return data_script(
         "flight",
         {
@@ -83,7 +83,8 @@ def _reach(groups: list[Floats]) -> float:
 
 def _target(results: Results, track: Trajectory) -> Mapping[str, Any]:
     track = _finite(track)
-    rings = cast.thinned(len(track.time_s), RINGS)
+    sure = cast.well_known(results, track)
+    rings = np.flatnonzero(sure)[cast.thinned(int(sure.sum()), RINGS)]
     index = cast.targets(results).index(track.target)
     known = cast.true_trajectory(results, track.target)
     truth = [] if known is None else _cm(known.position_enu_m[cast.thinned(len(known.time_s), 600)])
@@ -93,6 +94,7 @@ def _target(results: Results, track: Trajectory) -> Mapping[str, Any]:
         "t": np.round(track.time_s, 3).tolist(),
         "p": _cm(track.position_enu_m),
         "rings": rings.tolist(),
+        "guess": np.flatnonzero(~sure).tolist(),
         "c": [_upper(c) for c in track.covariance[rings]],
         "truth": truth,
     }

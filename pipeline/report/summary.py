@@ -33,8 +33,9 @@ def reference_clock(solution: Solution) -> Clock | None:
 
 
 def typical_sigma_m(results: Results) -> dict[str, float]:
-    """Root mean square over each trajectory of the 3D position's sigma; NaN where unknown."""
-    return {t.target: float(np.sqrt(np.mean(t.sigma_m**2))) for t in results.trajectories if len(t.time_s)}
+    """Median over the well known part of each trajectory of the 3D position's sigma; NaN where unknown."""
+    parts = {t.target: t.sigma_m[cast.well_known(results, t)] for t in results.trajectories}
+    return {name: float(np.median(sigma)) for name, sigma in parts.items() if len(sigma)}
 
 
 def verdict(results: Results) -> tuple[Grade, str]:
@@ -82,7 +83,7 @@ def _start(clock: Clock, reference: str, first: bool) -> str:
 def remarks(results: Results) -> list[Remark]:
     """Everything a reader must know before believing the figures, the most serious first."""
     found = [*_about_status(results.solution), *_about_fit(results.solution), *_about_offsets(results.solution)]
-    found += [*_about_truth(results), *_about_outliers(results)]
+    found += [*_about_truth(results), *_about_outliers(results), *_about_gaps(results)]
     found += [Remark(grade="care", subject="", words=w) for w in results.warnings]
     found += [_from_finding(f) for f in results.solution.findings]
     order = {"bad": 0, "care": 1, "good": 2}
@@ -147,6 +148,20 @@ def _about_outliers(results: Results) -> list[Remark]:
     share = f"{whole(low)} of {counted(len(weight), 'sighting')}"
     grade: Grade = "care" if low > 0.05 * len(weight) else "good"
     return [Remark(grade=grade, subject="outliers", words=f"{share} had less than half weight as outliers.")]
+
+
+def _about_gaps(results: Results) -> list[Remark]:
+    out = []
+    for t in results.trajectories:
+        known = cast.well_known(results, t)
+        if known.mean() > 0.98 or len(known) < 2:
+            continue
+        lost = float((~known).mean() * (t.time_s[-1] - t.time_s[0]))
+        whole_s = rounded(float(t.time_s[-1] - t.time_s[0]), 3)
+        worst = rounded(float(np.nanmax(t.sigma_m, initial=0.0)))
+        words = f"Too little was seen of it during {rounded(lost)} of {whole_s} s to know where it was"
+        out.append(Remark(grade="care", subject=t.target, words=f"{words} (sigma up to {worst} m); drawn dotted."))
+    return out
 
 
 def _from_finding(finding: Finding) -> Remark:

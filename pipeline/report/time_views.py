@@ -10,11 +10,11 @@ from pipeline.report import cast
 from pipeline.report.axes import span
 from pipeline.report.blocks import figure, key, target_legend
 from pipeline.report.markup import Html, tag
-from pipeline.report.plot import Panel, band, chart, line, panel
+from pipeline.report.plot import Panel, band, chart, known_line, line, panel
 from pipeline.report.spells import times_seen
 from pipeline.report.words import SIGMA, fixed
 
-SAMPLES = 700
+SAMPLES, STRIPS = 700, 6
 TIME = "common time, s"
 
 
@@ -34,28 +34,21 @@ def height_and_speed(results: Results) -> Html:
 
 def _height(results: Results, tracks: list[Trajectory]) -> Html:
     sigma = [np.sqrt(np.maximum(t.covariance[:, 2, 2], 0)) for t in tracks]
-    up = [t.position_enu_m[:, 2] for t in tracks]
-    known = [np.nan_to_num(s) for s in sigma]
-    p = panel(
-        cast.time_span(results),
-        span(
-            *(u - s for u, s in zip(up, known, strict=True)),
-            *(u + s for u, s in zip(up, known, strict=True)),
-            least=1.0,
-        ),
-    )
+    known = [cast.well_known(results, t) for t in tracks]
+    edges = [
+        (t.position_enu_m[:, 2] + sign * np.nan_to_num(s))[k]
+        for t, s, k in zip(tracks, sigma, known, strict=True)
+        for sign in (-1, 1)
+    ]
+    p = panel(cast.time_span(results), span(*edges, least=1.0))
     marks = []
-    for t, s in zip(tracks, sigma, strict=True):
+    for t, s, k in zip(tracks, sigma, known, strict=True):
         z = t.position_enu_m[:, 2]
-        inner = [
-            band(p, t.time_s, z - s, z + s, "band faint"),
-            line(p, t.time_s, z),
-            _true_height(results, p, t.target),
-        ]
+        area = band(p, t.time_s, z - s, z + s, "band faint")
+        inner = [area, known_line(p, t.time_s, z, k), _true_height(results, p, t.target)]
         marks.append(tag("g", *inner, class_=cast.tone(results, t.target)))
-    return chart(
-        p, marks, label="Height of every target over time", title="Height", x_label=TIME, y_label="up, m", time=True
-    )
+    label = "Height of every target over time"
+    return chart(p, marks, label=label, title="Height", x_label=TIME, y_label="up, m", time=True)
 
 
 def _true_height(results: Results, p: Panel, target: str) -> Html:
@@ -68,14 +61,15 @@ def _true_height(results: Results, p: Panel, target: str) -> Html:
 
 def _speed(results: Results, tracks: list[Trajectory]) -> Html:
     speeds = [np.linalg.norm(t.velocity_mps, axis=1) for t in tracks]
-    _, top = span(np.zeros(1), *speeds, least=1.0)
+    known = [cast.well_known(results, t) for t in tracks]
+    _, top = span(np.zeros(1), *(v[k] for v, k in zip(speeds, known, strict=True)), least=1.0)
     p = panel(cast.time_span(results), (0.0, top))
     marks = [
-        tag("g", line(p, t.time_s, v), class_=cast.tone(results, t.target)) for t, v in zip(tracks, speeds, strict=True)
+        tag("g", known_line(p, t.time_s, v, k), class_=cast.tone(results, t.target))
+        for t, v, k in zip(tracks, speeds, known, strict=True)
     ]
-    return chart(
-        p, marks, label="Speed of every target over time", title="Speed", x_label=TIME, y_label="speed, m/s", time=True
-    )
+    label = "Speed of every target over time"
+    return chart(p, marks, label=label, title="Speed", x_label=TIME, y_label="speed, m/s", time=True)
 
 
 def uncertainty_figure(results: Results) -> Html:
@@ -90,19 +84,20 @@ def uncertainty_figure(results: Results) -> Html:
     words = ["One sigma of the position."]
     if robust:
         words.append("The robust version trusts the scatter of the residuals instead of the sigmas given.")
-    words.append("The strips along the time axis show when each camera saw the target, the first camera lowest.")
+    words.append("The strips above show when each camera saw the target, the first camera on top.")
     caption = " ".join(words) + cast.thinning_words(results, SAMPLES)
     return figure(*panels, legend=legend, caption=caption)
 
 
 def _sigma_panel(results: Results, track: Trajectory, robust: Motion | None) -> Html:
-    plain = _two_sigmas(track.covariance)
+    plain = _two_sigmas(_plain_covariance(results, track))
     other = _two_sigmas(robust.position_covariance(track.time_s)) if robust is not None else None
     both = plain if other is None else np.concatenate([plain, other])
     finite = both[np.isfinite(both) & (both > 0)]
     wide = bool(len(finite)) and finite.max() > 12 * np.median(finite)
     low, high = (finite.min() * 0.8, finite.max() * 1.3) if wide else (0.0, span(np.zeros(1), finite, least=1e-3)[1])
-    p = panel(cast.time_span(results), (float(low), float(high)), log_y=wide)
+    strips = min(len(cast.cameras(results)), STRIPS)
+    p = panel(cast.time_span(results), (float(low), float(high)), log_y=wide, top=10 + 5 * strips)
     marks = [line(p, track.time_s, plain[:, 0]), line(p, track.time_s, plain[:, 1], "line up")]
     if other is not None:
         marks += [
@@ -111,13 +106,20 @@ def _sigma_panel(results: Results, track: Trajectory, robust: Motion | None) -> 
         ]
     return chart(
         p,
-        [tag("g", *marks, class_=cast.tone(results, track.target)), *_seen_strips(results, p, track.target)],
+        [tag("g", *marks, class_=cast.tone(results, track.target))],
         label=f"Position sigma of {track.target} over time",
         title=track.target,
         x_label=TIME,
         y_label="sigma, m (log)" if wide else "sigma, m",
         time=True,
+        over=_seen_strips(results, p, track.target),
     )
+
+
+def _plain_covariance(results: Results, track: Trajectory) -> Floats:
+    """Of the motion where there is one: a trajectory may carry the robust version."""
+    motion = next((m for m in results.solution.motions if m.target == track.target), None)
+    return track.covariance if motion is None else motion.position_covariance(track.time_s)
 
 
 def _two_sigmas(covariance: Floats) -> Floats:
@@ -127,12 +129,12 @@ def _two_sigmas(covariance: Floats) -> Floats:
 
 
 def _seen_strips(results: Results, p: Panel, target: str) -> list[Html]:
-    _, h = p.inner
+    """A row of strips above the plot for each camera."""
     out = []
-    for i, camera in enumerate(cast.cameras(results)[:6]):
-        d = "".join(
-            f"M{p.x.at(a):.1f} {h - 3 - 4 * i:.1f}H{max(p.x.at(b), p.x.at(a) + 0.5):.1f}"
-            for a, b in times_seen(results, camera, target)
-        )
-        out.append(tag("path", d=d, class_="strip"))
+    for i, camera in enumerate(cast.cameras(results)[:STRIPS]):
+        y = 5.0 * (i + 1) - p.top
+        seen = [(p.x.at(a), p.x.at(b)) for a, b in times_seen(results, camera, target)]
+        low, high = 0.0, p.inner[0]
+        pairs = [(max(a, low), min(max(b, a + 0.5), high)) for a, b in seen if b > low and a < high]
+        out.append(tag("path", d="".join(f"M{a:.1f} {y:.1f}H{b:.1f}" for a, b in pairs), class_="strip"))
     return out

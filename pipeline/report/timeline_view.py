@@ -73,7 +73,17 @@ def _axis(low: float, high: float) -> Html:
 
 def targets_table(results: Results) -> Html:
     """One row for each target: how it was modelled, seen, how sure it is and how fast it went."""
-    head = ("target", "motion", "seen, s", "fixes", "losses", "mean sigma, m", "distance, m", "median speed", "fastest")
+    head = (
+        "target",
+        "motion",
+        "seen, s",
+        "fixes",
+        "losses",
+        "median sigma, m",
+        "distance, m",
+        "median speed",
+        "fastest",
+    )
     sigmas = typical_sigma_m(results)
     rows = [_target_row(results, t, sigmas) for t in results.trajectories if len(t.time_s)]
     out = table(head, rows, caption="Motion, sightings and speed of each target", words=2)
@@ -83,8 +93,9 @@ def targets_table(results: Results) -> Html:
 
 
 def _target_row(results: Results, track: Trajectory, sigmas: dict[str, float]) -> list[str]:
-    speed = np.linalg.norm(track.velocity_mps, axis=1)
-    steps = np.linalg.norm(np.diff(track.position_enu_m, axis=0), axis=1)
+    known = cast.well_known(results, track)
+    speed = np.linalg.norm(track.velocity_mps, axis=1)[known]
+    steps = np.linalg.norm(np.diff(track.position_enu_m, axis=0), axis=1)[known[1:]]
     fixes = len(cast.rows_of(results.solution.sightings, target=track.target))
     motion = next((m for m in results.solution.motions if m.target == track.target), None)
     return [

@@ -11,7 +11,7 @@ from pipeline.report import cast
 from pipeline.report.axes import Scale
 from pipeline.report.blocks import figure, key, note, table
 from pipeline.report.markup import Html, joined, tag
-from pipeline.report.plot import band, chart, line, panel
+from pipeline.report.plot import band, chart, known_line, panel
 from pipeline.report.words import SIGMA, fixed, rounded
 
 SAMPLES = 600
@@ -119,11 +119,17 @@ def _error_panel(results: Results, track: Trajectory, known: Trajectory) -> Html
     sigma = track.sigma_m
     good = sigma[np.isfinite(sigma)]
     usual = 4 * float(np.median(good)) if len(good) else 0.0
-    top = max(float(np.nanmax(error, initial=0.0)) * 1.1, usual, 1e-3) if np.isfinite(error).any() else max(usual, 1.0)
+    sure = cast.well_known(results, track)
+    seen = error[sure & np.isfinite(error)]
+    top = max(float(seen.max(initial=0.0)) * 1.1, usual, 1e-3)
     p = panel(cast.time_span(results), (0.0, top))
     zero = np.zeros_like(sigma)
-    marks = [band(p, track.time_s, zero, 2 * sigma), band(p, track.time_s, zero, sigma), line(p, track.time_s, error)]
-    rms = float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else math.nan
+    marks = [
+        band(p, track.time_s, zero, 2 * sigma),
+        band(p, track.time_s, zero, sigma),
+        known_line(p, track.time_s, error, sure),
+    ]
+    rms = float(np.sqrt(np.mean(seen**2))) if len(seen) else math.nan
     return chart(
         p, [tag("g", *marks, class_=cast.tone(results, track.target))],
         label=f"Error of {track.target} over time beside its claimed sigma",
