@@ -11,7 +11,7 @@ from pipeline.records import PoseTrack, Results, Sightings, Trajectory
 from pipeline.report.words import whole
 
 COLOURS = 8
-UNSEEN_S, UNSURE = 1.0, 10.0
+UNSEEN_S, UNSURE = 1.0, 6.0
 
 
 def targets(results: Results) -> tuple[str, ...]:
@@ -97,7 +97,11 @@ def thinned(n: int, limit: int) -> Ints:
 
 def thin_trajectory(trajectory: Trajectory, limit: int) -> Trajectory:
     """The trajectory at `limit` of its samples."""
-    at = thinned(len(trajectory.time_s), limit)
+    return part_of(trajectory, thinned(len(trajectory.time_s), limit))
+
+
+def part_of(trajectory: Trajectory, at: Ints | Bools) -> Trajectory:
+    """The trajectory at some of its samples."""
     return Trajectory(
         target=trajectory.target,
         time_s=trajectory.time_s[at],
@@ -114,7 +118,7 @@ def thinning_words(results: Results, limit: int) -> str:
 
 
 def well_known(results: Results, trajectory: Trajectory) -> Bools:
-    """(n,) where the target's place is known: seen less than a second away, sigma below ten times its median.
+    """(n,) where the target's place is known: seen less than a second away, sigma below six times its median.
 
     Elsewhere the motion only bridges a gap; figures draw it dotted and leave it out of their ranges.
     """
@@ -131,6 +135,11 @@ def well_known(results: Results, trajectory: Trajectory) -> Bools:
     limit = UNSURE * float(np.median(good)) if len(good) else np.inf
     known = near & ~(sigma > limit)
     return known if known.any() else np.ones(n, bool)
+
+
+def known_part(results: Results, trajectory: Trajectory) -> Trajectory:
+    """The samples of the trajectory that are `well_known`."""
+    return part_of(trajectory, well_known(results, trajectory))
 
 
 def rows_of(sightings: Sightings, camera: str | None = None, target: str | None = None) -> Ints:

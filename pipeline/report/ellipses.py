@@ -30,13 +30,17 @@ def ellipse_path(centre_px: Floats, covariance_px: Floats, sigmas: float = 1.0) 
 
 
 def enlargement(trajectories: Sequence[Trajectory], px_per_m: float, wanted_px: float) -> int:
-    """The round factor that gives a typical one-sigma a radius of about `wanted_px`, never below one."""
+    """The round factor that gives a typical one-sigma a radius of about `wanted_px`, never below one.
+
+    The largest ones, beyond the 95th percentile apart, stay below five times that.
+    """
     sizes = [
         np.sqrt(np.maximum(np.linalg.eigvalsh(c[:, :2, :2])[:, 1], 0)) for c in map(_known, trajectories) if len(c)
     ]
     if not sizes:
         return 1
-    typical = float(np.median(np.concatenate(sizes))) * px_per_m
+    pool = np.concatenate(sizes)
+    typical = max(float(np.median(pool)), float(np.quantile(pool, 0.95)) / 5) * px_per_m
     fitting = [f for f in FACTORS if f * typical <= wanted_px]
     return fitting[-1] if fitting else 1
 

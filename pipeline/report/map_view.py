@@ -76,7 +76,7 @@ def _sheet(groups: list[Floats]) -> Sheet:
 
 
 def _map(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tuple[CameraPath, ...], title: str) -> Html:
-    factor = enlargement(tracks, sheet.scale, 12.0)
+    factor = enlargement([cast.known_part(results, t) for t in tracks], sheet.scale, 12.0)
     every = _dot_interval(results)
     marks = [
         *_grid(sheet),

@@ -63,7 +63,7 @@ def space_data(results: Results) -> Html:
         "flight",
         {
             "time": [start, end],
-            "enlarge": enlargement(tracks, 700 / max(reach, 1.0), 9.0),
+            "enlarge": enlargement([cast.known_part(results, t) for t in tracks], 700 / max(reach, 1.0), 9.0),
             "targets": [_target(results, t) for t in tracks],
             "cameras": [_camera(results, p) for p in paths],
         },
@@ -101,14 +101,7 @@ def _target(results: Results, track: Trajectory) -> Mapping[str, Any]:
 
 
 def _finite(track: Trajectory) -> Trajectory:
-    good = np.isfinite(track.position_enu_m).all(axis=1) & np.isfinite(track.time_s)
-    return Trajectory(
-        target=track.target,
-        time_s=track.time_s[good],
-        position_enu_m=track.position_enu_m[good],
-        velocity_mps=track.velocity_mps[good],
-        covariance=track.covariance[good],
-    )
+    return cast.part_of(track, np.isfinite(track.position_enu_m).all(axis=1) & np.isfinite(track.time_s))
 
 
 def _cm(position: Floats) -> list[list[float]]:
