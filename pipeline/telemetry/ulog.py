@@ -8,7 +8,6 @@ azimuthal equidistant around (ref_lat, ref_lon) on a sphere, which is what PX4 i
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +74,9 @@ def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int]:
             advice="pip install 'runningfix[ulog]'",
         ) from None
     try:
-        log = pyulog.ULog(str(path))
-    except (TypeError, ValueError, KeyError, IndexError, AttributeError, struct.error, OSError) as error:
+        with path.open("rb") as file:
+            log = pyulog.ULog(file)
+    except Exception as error:  # whatever pyulog trips over in a broken file
         raise InputFileError(
             where=str(path),
             seen=f"cannot be read as a PX4 log ({type(error).__name__}: {error})",

@@ -1,0 +1,92 @@
+"""Broken logs: nothing that comes out was not in the whole log, nothing crashes, little is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import InputFileError
+from pipeline.telemetry import read_log
+from pipeline.telemetry.dataflash import read_dataflash
+from pipeline.telemetry.mavlink_fast import read_mavlink_fast
+from pipeline.telemetry.mavlink_plain import read_mavlink_plain
+from tests.unit.telemetry.written_logs import Link, dataflash_records, fly
+
+KINDS = ("flip", "insert", "drop", "cut", "end")
+MESSAGES = ("ATTITUDE", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "SYSTEM_TIME", "HEARTBEAT")
+
+
+def broken(content: bytes, rng: np.random.Generator, kind: str, times: int) -> bytes:
+    """`content` damaged in one way, `times` times."""
+    data = bytearray(content)
+    for _ in range(times):
+        at = int(rng.integers(200, len(data) - 60))
+        if kind == "flip":
+            data[at] ^= 1 << int(rng.integers(8))
+        elif kind == "insert":
+            data[at:at] = rng.integers(0, 256, int(rng.integers(1, 60)), dtype=np.uint8).tobytes()
+        elif kind == "drop":
+            del data[at : at + 1]
+        elif kind == "cut":
+            del data[at : at + int(rng.integers(2, 50))]
+    return bytes(data[: -int(rng.integers(1, 40))] if kind == "end" else data)
+
+
+def contents(log) -> dict[str, set[bytes]]:
+    return {
+        name: {
+            b"".join(np.asarray(column[i]).tobytes() for column in table.columns.values()) for i in range(len(table))
+        }
+        for name, table in log.tables.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def whole_tlog():
+    link = Link()
+    fly(link, seconds=15)
+    return bytes(link.bytes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_broken_tlog_gives_no_wrong_message_and_no_fewer_than_pymavlink(tmp_path, whole_tlog, kind):
+    path = tmp_path / "a.tlog"
+    path.write_bytes(whole_tlog)
+    true = contents(read_mavlink_fast(path, wanted=MESSAGES))
+    for seed in range(6):
+        path.write_bytes(broken(whole_tlog, np.random.default_rng(seed), kind, 12))
+        ours = read_mavlink_fast(path, wanted=MESSAGES)
+        for name, found in contents(ours).items():
+            assert found <= true[name], (name, seed)
+        assert sum(ours.counts.values()) >= sum(n for m, n in read_mavlink_plain(path).counts.items() if m in true)
+        assert ours.corrupt_packets >= 1
+
+
+@pytest.mark.parametrize("kind", ["insert", "drop", "cut", "end"])
+def test_a_broken_dataflash_log_loses_only_what_was_hit(tmp_path, kind):
+    records = dataflash_records(seconds=10)
+    head = b"".join(records[:8])
+    body = b"".join(records[8:])
+    path = tmp_path / "a.bin"
+    path.write_bytes(head + body)
+    true = read_dataflash(path, wanted=("ATT", "POS", "GPS"))
+    good = contents(true)
+    for seed in range(6):
+        path.write_bytes(head + broken(body, np.random.default_rng(seed), kind, 12))
+        ours = read_dataflash(path, wanted=("ATT", "POS", "GPS"))
+        wrong = sum(len(found - good[name]) for name, found in contents(ours).items())
+        assert wrong <= {"insert": 12, "cut": 2}.get(kind, 0), seed  # no checksum: a splice can fit
+        assert sum(ours.counts.values()) >= sum(true.counts.values()) - 24
+        assert ours.corrupt_packets >= 1
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(noise=st.binary(max_size=400), name=st.sampled_from(["a.tlog", "a.mavlink", "a.bin", "a.log", "a.ulg", "a.srt"]))
+def test_any_bytes_are_read_or_refused_in_words(tmp_path, noise, name):
+    path = tmp_path / name
+    path.write_bytes(noise)
+    with pytest.raises(InputFileError) as error:
+        read_log(path)
+    assert name in str(error.value)
