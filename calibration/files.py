@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-import tempfile
 from pathlib import Path
 
 from calibration.errors import InputFileError, WriteError
@@ -38,19 +38,17 @@ def write_whole(path: Path, content: bytes | str) -> None:
     Raises WriteError where the folder cannot be written.
     """
     raw = content.encode() if isinstance(content, str) else content
-    part: str | None = None
+    part = path.with_name(f".{path.name}.part")  # always the same, so that a killed run's part is written over
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-        with os.fdopen(handle, "wb") as out:
+        with part.open("wb") as out:
             out.write(raw)
             out.flush()
             os.fsync(out.fileno())
-        os.chmod(part, 0o644)
         os.replace(part, path)
     except OSError as error:
-        if part is not None:
-            Path(part).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
         raise WriteError(
             where=str(path),
             seen=f"cannot be written ({error.strerror})",
