@@ -74,8 +74,8 @@ def small_scene(seed: int = 11) -> Scene:
             size=(640, 360),
             focal_px=650.0,
             seconds=8.0,
-            nearness=0.58,
-            crowding=0.72,
+            nearness=0.6,
+            crowding=0.8,
             bridge_after_s=-1.2,
             half_size_m=320.0,
             texel_m=0.25,
@@ -173,7 +173,7 @@ def _landscape(plan: _Plan, targets: tuple[SceneTarget, ...], middle_s: float, s
     reach = 2.0 * plan.half_size_m
     main = plan.crowding * np.array([_MOVES["car"][0], _MOVES["truck"][0]]).mean(axis=0)
     way = np.array(_MOVES["car"][1]) / np.linalg.norm(_MOVES["car"][1])
-    ramp = bridge.length_m / 2 + 45.0
+    ramp = bridge.length_m / 2 + 38.0
     roads = (
         Road(line_m=main + np.array([[-reach], [reach]]) * way, width_m=13.0),
         Road(line_m=_bend(by_name["van"], middle_s), width_m=8.0),
