@@ -43,6 +43,8 @@ SAME_S = 0.25
 CLEAR = 4.6
 """Half chi-square by which the best candidate must beat the next: a likelihood ratio of 100."""
 WIDEST_STRETCH = 0.1
+WEAK_S = 0.08
+"""Sigma from which on an offset counts as weak."""
 NEAR_S = 10.0
 """How far a given offset without a sigma is trusted."""
 
@@ -190,7 +192,24 @@ def _extended(
     if not grown:
         raise _no_overlap(name, list(beam[0].clock), prior.allowed)
     promising = _distinct(grown, seen)[:BEAM]
-    return _distinct([_polished(fit.clock, seen, priors, cost) for fit in promising], seen)
+    polished = sorted((_polished(fit.clock, seen, priors, cost) for fit in promising), key=lambda f: f.cost)
+    probes = _valley(polished[0], name, prior.allowed, seen)
+    return _distinct([*polished, *(_polished(clock, seen, priors, cost) for clock in probes)], seen)
+
+
+def _valley(
+    best: Fit, name: str, allowed: ClockRange, seen: Mapping[str, View]
+) -> list[Mapping[str, tuple[float, float]]]:
+    """Other starts in a long flat valley: where an offset is weak, its trade with the frame rate may have two ends."""
+    sigma = best.sigma_s.get(name, 0.0)
+    if sigma < WEAK_S:
+        return []
+    middle = 0.5 * sum(seen[name].span_s)
+    starts: list[Mapping[str, tuple[float, float]]] = []
+    for stretch in (1 - 0.6 * allowed.stretch, 1 + 0.6 * allowed.stretch):
+        for away in (-6 * sigma, 6 * sigma):
+            starts.append({**best.clock, name: (_middle(best, name, seen) + away - stretch * middle, stretch)})
+    return starts
 
 
 def _polished(

@@ -20,29 +20,17 @@ import numpy as np
 from calibration.arrays import Floats, Ints
 from pipeline.geometry.rotation import exp, matrix, skew
 from pipeline.solver.search_crossing import ClockPrior, Fit, prior_cost
-from pipeline.solver.search_polynomial import project_motion, stacked_rows, tangents
+from pipeline.solver.search_frames import FrameSet, Whitening, frames_of, whitening
+from pipeline.solver.search_polynomial import project_motion, stacked_rows
 from pipeline.solver.search_views import View
 
 FRAMES = 500
 """Frames of all cameras together that are adjusted, at least sixty of each."""
-ITERATIONS = 15
+ITERATIONS = 12
+ROUNDS = 3
+"""How often the covariances are taken anew: they depend on how far the targets are."""
 EXTRAPOLATED = 12.5
 """Half chi-square, in units of weight, that a clock without any overlap must win by."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Frames:
-    """Some frames of one camera, a slot per target; empty slots have weight zero.
-
-    time_s (f,), present (f, n), centre_m (f, 3), ray (f, n, 3), axes (f, 3, 3), pixel_rad (f, n)
-    """
-
-    time_s: Floats
-    present: Floats
-    centre_m: Floats
-    ray: Floats
-    axes: Floats
-    pixel_rad: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,12 +49,11 @@ class _Setup:
 
     views: Sequence[View]
     priors: Sequence[ClockPrior | None]
-    frames: Sequence[_Frames]
+    frames: Sequence[FrameSet]
     middle_s: Floats
     orders: Sequence[int]
     epoch_s: float
     scale_s: float
-    usual: Sequence[float] = ()
 
     @property
     def size(self) -> int:
@@ -87,33 +74,55 @@ def polish_polynomial(
     """
     wanted = [t for t in orders if any(t in v.tracks for v in views)]
     setup, point = _start(views, np.array(clocks, float), priors, wanted, orders, effort)
-    normal, right, cost = _normal(setup, point)
+    for _ in range(ROUNDS):
+        held = _held(setup, point)
+        point, moved_s = _downhill(setup, point, held)
+        if moved_s < 1e-3:
+            break
+    held = _held(setup, point)
+    normal, _, cost = _normal(setup, point, held)
+    return _fit(setup, point, cost + sum(w.widening for w in held), normal)
+
+
+def _held(setup: _Setup, point: _Point) -> list[Whitening]:
+    """The frames' covariances at the distances of `point`."""
+    return [
+        whitening(setup.views[i], f, np.maximum(_sightings(setup, point, i, f)[1], 1.0))
+        for i, f in enumerate(setup.frames)
+    ]
+
+
+def _downhill(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[_Point, float]:
+    """Levenberg-Marquardt with the covariances held; also how far any clock went."""
+    first = point.clock[:, 0] + point.clock[:, 1] * setup.middle_s
+    normal, right, cost = _normal(setup, point, held)
     damping = 1e-3
     for _ in range(ITERATIONS):
-        step = _step(normal, right, damping)
-        trial = _moved(setup, point, step)
-        new = _normal(setup, trial)
+        trial = _moved(setup, point, _step(normal, right, damping))
+        new = _normal(setup, trial, held)
         if not new[2] < cost:
             damping *= 10
-            if damping > 1e6:
+            if damping > 1e3:
                 break
             continue
         gained, (normal, right, cost), point = cost - new[2], new, trial
         damping = max(damping / 10, 1e-9)
         if gained < 1e-3:
             break
-    return _fit(setup, point, cost)
+    return point, float(np.abs(point.clock[:, 0] + point.clock[:, 1] * setup.middle_s - first).max())
 
 
-def _fit(setup: _Setup, point: _Point, cost: float) -> Fit:
+def _fit(setup: _Setup, point: _Point, cost: float, normal: Floats) -> Fit:
     overlap = _overlap(setup, point)
     names = [v.camera for v in setup.views]
     equations = 2 * sum(float(f.present.sum()) for f in setup.frames)
+    sigma = _sigmas(normal)[: 8 * len(names) : 8]
     unit = max(1.0, 2 * cost / max(equations, 1.0))
     return Fit(
         clock={n: (float(c[0]), float(c[1])) for n, c in zip(names, point.clock, strict=True)},
         cost=cost if overlap > 0 else cost + EXTRAPOLATED * unit,
         overlap=max(overlap, 1e-9),
+        sigma_s=dict(zip(names, (float(x) for x in sigma), strict=True)),
         tilt_rad=dict(zip(names, point.tilt, strict=True)),
         shift_m=dict(zip(names, point.shift, strict=True)),
     )
@@ -141,7 +150,7 @@ def _start(
     rows = [stacked_rows(views, t, orders[t]) for t in targets]
     linear = project_motion(views, rows, clocks[None])
     each = max(int(effort * max(FRAMES // len(views), 60)), 25)
-    frames = [_frames(v, targets, each) for v in views]
+    frames = [frames_of(v, targets, each) for v in views]
     setup = _Setup(
         views=views,
         priors=priors,
@@ -150,44 +159,22 @@ def _start(
         orders=[orders[t] for t in targets],
         epoch_s=float(linear.epoch_s[0]),
         scale_s=float(linear.scale_s[0]),
-        usual=[_widening(f, _spread_by_attitude(v, f)) for v, f in zip(views, frames, strict=True)],
     )
     bias = linear.bias[0].reshape(len(views), 2, 3)
     motion = [a[0] for a in linear.coefficients]
     return setup, _Point(clock=clocks, tilt=bias[:, 0], shift=bias[:, 1], motion=motion)
 
 
-def _frames(view: View, targets: Sequence[str], most: int) -> _Frames:
-    """At most `most` frames of a camera, spread evenly."""
-    frames: Ints = np.unique(np.concatenate([view.tracks[t].frame for t in targets if t in view.tracks]))
-    if len(frames) > most:
-        frames = frames[np.linspace(0, len(frames) - 1, most).round().astype(np.int64)]
-    f, n = len(frames), len(targets)
-    time, centre, axes = np.zeros(f), np.zeros((f, 3)), np.zeros((f, 3, 3))
-    present, pixel, ray = np.zeros((f, n)), np.ones((f, n)), np.tile([0.0, 0.0, 1.0], (f, n, 1))
-    for k, target in enumerate(targets):
-        if target not in view.tracks:
-            continue
-        track = view.tracks[target]
-        mine = np.isin(track.frame, frames)
-        at = np.searchsorted(frames, track.frame[mine])
-        time[at], centre[at], axes[at] = track.time_s[mine], track.centre_m[mine], track.axes[mine]
-        present[at, k], pixel[at, k], ray[at, k] = 1.0, track.pixel_rad[mine], track.ray[mine]
-    return _Frames(time_s=time, present=present, centre_m=centre, ray=ray, axes=axes, pixel_rad=pixel)
-
-
-def _normal(setup: _Setup, point: _Point) -> tuple[Floats, Floats, float]:
+def _normal(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[Floats, Floats, float]:
     """Normal matrix, right-hand side and half chi-square, priors included."""
     normal, right, cost = _priors(setup, point)
     for i, frames in enumerate(setup.frames):
-        residual, jacobian, covariance = _camera(setup, point, i, frames)
-        lower: Floats = np.linalg.cholesky(covariance)
-        white = np.linalg.solve(lower, np.concatenate([residual[..., None], jacobian], axis=2))
+        design = _design(setup, point, i, frames)
+        white = held[i].inverse @ design
         square = (white[..., 0] ** 2).sum(1)
         size = 2 * frames.present.sum(1)
         limit = size + 6 * np.sqrt(2 * size) + 1e-9
         weight = np.minimum(1.0, limit / np.maximum(square, 1e-30))
-        cost += _widening(frames, lower) - setup.usual[i]
         cost += 0.5 * float(np.where(square <= limit, square, limit * (1 + np.log(square / limit + 1e-30))).sum())
         flat = (white * np.sqrt(weight)[:, None, None]).reshape(-1, white.shape[2])
         columns = _columns(setup, i)
@@ -197,79 +184,52 @@ def _normal(setup: _Setup, point: _Point) -> tuple[Floats, Floats, float]:
     return normal, right, cost
 
 
-def _widening(frames: _Frames, lower: Floats) -> float:
-    """Logarithm of how much wider than the pixel the predicted residuals are.
-
-    Part of the likelihood, counted from what attitude errors alone make of it; without it a target that rides along
-    with a camera, where position errors excuse every angle, would explain everything.
-    """
-    plain = np.where(frames.present > 0, np.log(frames.pixel_rad), 0.0)
-    return float(np.log(np.diagonal(lower, axis1=1, axis2=2)).sum() - 2 * plain.sum())
-
-
-def _spread_by_attitude(view: View, frames: _Frames) -> Floats:
-    """Cholesky factor (f, 2 n, 2 n) of the covariance that pixel and attitude alone give."""
-    f, n = frames.present.shape
-    basis = tangents(frames.ray.reshape(-1, 3)).reshape(f, n, 2, 3)
-    there = np.repeat(frames.present, 2, axis=1)
-    tilt = (basis @ skew(frames.ray) @ frames.axes[:, None]).reshape(f, 2 * n, 3) * there[..., None]
-    own = np.where(there > 0, np.repeat(frames.pixel_rad, 2, axis=1) ** 2, 1.0)
-    covariance = own[..., None] * np.eye(2 * n) + view.tilt_noise_rad**2 * tilt @ np.swapaxes(tilt, 1, 2)
-    return np.asarray(np.linalg.cholesky(covariance))
-
-
 def _columns(setup: _Setup, camera: int) -> Ints:
     """Unknowns that a camera's frames touch: its own eight, then every motion."""
     motions = np.arange(8 * len(setup.views), setup.size)
     return np.concatenate([8 * camera + np.arange(8), motions])
 
 
-def _camera(setup: _Setup, point: _Point, i: int, frames: _Frames) -> tuple[Floats, Floats, Floats]:
-    """Residuals (f, 2 n), Jacobian (f, 2 n, p) and covariance (f, 2 n, 2 n) of one camera's frames."""
-    view = setup.views[i]
-    f, n = frames.present.shape
-    turn = frames.axes @ matrix(exp(point.tilt[i])) @ np.swapaxes(frames.axes, 1, 2)
-    ray = frames.ray @ np.swapaxes(turn, 1, 2)
-    basis = tangents(ray.reshape(-1, 3)).reshape(f, n, 2, 3)
-    u = (point.clock[i, 1] * frames.time_s + point.clock[i, 0] - setup.epoch_s) / setup.scale_s
-    place, speed, powers = _motion(setup, point, u)
+def _sightings(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> tuple[Floats, Floats, Floats, Floats]:
+    """Vectors camera to target (f, n, 3), depths (f, n), turned rays (f, n, 3) and vectors across (f, n, 2, 3)."""
+    turn = np.swapaxes(frames.axes @ matrix(exp(point.tilt[i])) @ np.swapaxes(frames.axes, 1, 2), 1, 2)
+    ray = frames.ray @ turn
+    place = np.stack([phi @ a for phi, a in zip(_powers(setup, point, i, frames), point.motion, strict=True)], axis=1)
     away = place - (frames.centre_m + point.shift[i])[:, None]
-    depth = np.maximum((away * ray).sum(-1), 1.0)
-    flat = (basis @ away[..., None])[..., 0]
-    error = flat / depth[..., None]
+    return away, np.asarray((away * ray).sum(-1)), ray, frames.across @ turn[:, None]
+
+
+def _powers(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> list[Floats]:
+    """Powers (f, K + 1) of scaled common time, per target."""
+    u = (point.clock[i, 1] * frames.time_s + point.clock[i, 0] - setup.epoch_s) / setup.scale_s
+    return [u[:, None] ** np.arange(k + 1) for k in setup.orders]
+
+
+def _design(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> Floats:
+    """Residuals and Jacobian (f, 2 n, 1 + 8 + motions) of one camera's frames; zero where nothing was seen."""
+    f, n = frames.present.shape
+    away, depth, ray, basis = _sightings(setup, point, i, frames)
+    depth = np.maximum(depth, 1.0)
+    error = (basis @ away[..., None])[..., 0] / depth[..., None]
     by_place = (basis - error[..., None] * ray[:, :, None]) / depth[..., None, None]
+    powers = _powers(setup, point, i, frames)
+    speed = np.stack([_speed(phi, a, setup.scale_s) for phi, a in zip(powers, point.motion, strict=True)], axis=1)
+    by_time = by_place @ speed[..., None]
+    lag = (frames.time_s - setup.middle_s[i])[:, None, None, None]
     by_tilt = basis @ skew(ray) @ frames.axes[:, None]
-    by_time = (by_place @ speed[..., None])[..., 0]
-    lag = (frames.time_s - setup.middle_s[i])[:, None, None]
-    blocks = [by_time[..., None], (by_time * lag)[..., None], by_tilt, -by_place]
-    at = 8
-    jacobian = np.zeros((f, n, 2, 8 + setup.size - 8 * len(setup.views)))
-    jacobian[..., :8] = np.concatenate(blocks, axis=-1)
+    design = np.zeros((f, n, 2, 9 + setup.size - 8 * len(setup.views)))
+    design[..., :9] = np.concatenate([error[..., None], by_time, by_time * lag, by_tilt, -by_place], axis=-1)
+    at = 9
     for k, phi in enumerate(powers):
-        terms = phi.shape[1]
         block = phi[:, None, :, None] * by_place[:, k, :, None, :]
-        jacobian[:, k, :, at : at + 3 * terms] = block.reshape(f, 2, 3 * terms)
-        at += 3 * terms
-    there = np.repeat(frames.present, 2, axis=1)
-    tilt = (by_tilt.reshape(f, 2 * n, 3)) * there[..., None]
-    shift = (by_place.reshape(f, 2 * n, 3)) * there[..., None]
-    own = np.where(there > 0, np.repeat(frames.pixel_rad, 2, axis=1) ** 2, 1.0)
-    covariance = own[..., None] * np.eye(2 * n)
-    covariance = covariance + view.tilt_noise_rad**2 * tilt @ np.swapaxes(tilt, 1, 2)
-    covariance = covariance + view.shift_noise_m**2 * shift @ np.swapaxes(shift, 1, 2)
-    residual = error.reshape(f, 2 * n) * there
-    return residual, jacobian.reshape(f, 2 * n, -1) * there[..., None], covariance
+        design[:, k, :, at : at + 3 * phi.shape[1]] = block.reshape(f, 2, -1)
+        at += 3 * phi.shape[1]
+    return np.asarray((design * frames.present[..., None, None]).reshape(f, 2 * n, -1))
 
 
-def _motion(setup: _Setup, point: _Point, u: Floats) -> tuple[Floats, Floats, list[Floats]]:
-    """Positions and velocities (f, n, 3) of all targets at scaled times (f,), and the powers (f, K + 1) of each."""
-    powers = [u[:, None] ** np.arange(k + 1) for k in setup.orders]
-    place = np.stack([phi @ a for phi, a in zip(powers, point.motion, strict=True)], axis=1)
-    speed = [
-        (phi[:, :-1] * np.arange(1, len(a))) @ a[1:] / setup.scale_s if len(a) > 1 else np.zeros((len(u), 3))
-        for phi, a in zip(powers, point.motion, strict=True)
-    ]
-    return place, np.stack(speed, axis=1), powers
+def _speed(powers: Floats, motion: Floats, scale_s: float) -> Floats:
+    """Velocity (f, 3) of a target."""
+    return np.asarray((powers[:, :-1] * np.arange(1, len(motion))) @ motion[1:] / scale_s)
 
 
 def _priors(setup: _Setup, point: _Point) -> tuple[Floats, Floats, float]:
@@ -302,6 +262,13 @@ def _step(normal: Floats, right: Floats, damping: float) -> Floats:
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-300))
     scaled = normal * scale[:, None] * scale + damping * np.eye(len(normal))
     return np.asarray(scale * np.linalg.lstsq(scaled, scale * right, rcond=1e-13)[0])
+
+
+def _sigmas(normal: Floats) -> Floats:
+    """One sigma of every unknown."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
+    covariance = np.linalg.pinv(normal * scale[:, None] * scale, rcond=1e-13, hermitian=True)
+    return np.asarray(scale * np.sqrt(np.abs(np.diagonal(covariance))))
 
 
 def _moved(setup: _Setup, point: _Point, step: Floats) -> _Point:
