@@ -154,7 +154,7 @@ def _about_gaps(results: Results) -> list[Remark]:
     out = []
     for t in results.trajectories:
         known = cast.well_known(results, t)
-        if known.mean() > 0.98 or len(known) < 2:
+        if len(known) < 2 or known.mean() > 0.98:
             continue
         lost = float((~known).mean() * (t.time_s[-1] - t.time_s[0]))
         whole_s = rounded(float(t.time_s[-1] - t.time_s[0]), 3)
@@ -187,7 +187,7 @@ def header(results: Results) -> Html:
 
 
 def _remark_item(remark: Remark) -> Html:
-    spoken = {"good": "Fine", "care": "Warning", "bad": "Problem"}[remark.grade]
+    spoken = {"good": "Fine: ", "care": "Warning: ", "bad": "Problem: "}[remark.grade]
     mark = joined(tag("span", MARKS[remark.grade], class_="mark", aria_hidden="true"), tag("span", spoken, class_="sr"))
     subject = joined(tag("b", remark.subject), " ") if remark.subject else Html("")
     return tag("li", mark, tag("span", subject, remark.words), class_=remark.grade)

@@ -1,0 +1,73 @@
+"""The page in a real browser: its scripts run without a complaint and something is drawn."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.report import render_report
+from tests.report_results import fake_results
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+BROWSER = next((found for found in map(shutil.which, NAMES) if found), None)
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--hide-scrollbars",
+    "--virtual-time-budget=3000", "--enable-logging=stderr",
+)  # fmt: skip
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on the path"),
+]
+
+
+def browse(page: Path, profile: Path, *options: str) -> tuple[str, str]:
+    """What the browser prints, and what its console says."""
+    command = [str(BROWSER), *QUIET, f"--user-data-dir={profile}", *options, page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    return done.stdout, "\n".join(console)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(render_report(fake_results(seconds=8)), encoding="utf-8")
+    return path
+
+
+def test_the_scripts_run_without_a_complaint(report, tmp_path):
+    page, console = browse(report, tmp_path, "--dump-dom")
+    assert console == ""
+    assert re.search(r'<html[^>]* data-ready="true"', page)
+    assert re.search(r'<span id="space-words">Grid of \d+ m', page)
+
+
+def test_a_script_that_fails_would_be_noticed(report, tmp_path):
+    broken = tmp_path / "broken.html"
+    broken.write_text(report.read_text(encoding="utf-8").replace("const views = {", "const views = missing + {"))
+    page, console = browse(broken, tmp_path / "profile", "--dump-dom")
+    assert "missing is not defined" in console
+    assert 'data-ready="true"' not in page
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_something_is_drawn(report, tmp_path, width):
+    shot = tmp_path / "shot.png"
+    browse(report, tmp_path / "profile", f"--screenshot={shot}", f"--window-size={width},3000")
+    image = cv2.imread(str(shot))
+    assert image.shape == (3000, width, 3)
+    assert all(len(np.unique(part.reshape(-1, 3), axis=0)) > 20 for part in np.array_split(image[:2400], 3))
+
+
+def test_dark_is_dark(report, tmp_path):
+    shot = tmp_path / "shot.png"
+    browse(report, tmp_path / "profile", f"--screenshot={shot}", "--window-size=800,600", "--force-dark-mode")
+    assert np.median(cv2.imread(str(shot))) < 60
