@@ -65,7 +65,11 @@ def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Pr
     Raises InputFileError where the file cannot be read or defines no message.
     """
     data = mapped(path, expected="an ArduPilot DataFlash log")
-    layouts = layouts_of(data)
+    layouts = layouts_of(data, upto=CHUNK)  # ArduPilot defines everything at the start, and whole logs end here
+    starts, counts, corrupt = _scan(data, layouts, wanted, progress)
+    if corrupt:
+        layouts = layouts_of(data, upto=len(data))
+        starts, counts, corrupt = _scan(data, layouts, wanted, progress)
     if not layouts:
         raise InputFileError(
             where=str(path),
@@ -74,8 +78,6 @@ def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Pr
             advice="check that the file was downloaded whole and as binary",
         )
     names = {layout.name: kind for kind, layout in layouts.items()}
-    kinds = {kind for name, kind in names.items() if name in wanted}
-    starts, counts, corrupt = _scan(data, layouts, kinds, progress)
     return RawLog(
         path=path,
         format="dataflash",
@@ -85,15 +87,17 @@ def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Pr
     )
 
 
-def layouts_of(data: Bytes) -> dict[int, Layout]:
-    """Every kind that the log defines consistently, wherever in the file it does; the first definition holds."""
+def layouts_of(data: Bytes, *, upto: int) -> dict[int, Layout]:
+    """Every kind that the first `upto` bytes define consistently; the first definition holds."""
     found: dict[int, Layout] = {}
-    at = data.find(FMT_HEAD)
-    while at >= 0:
-        layout = _layout(data[at : at + FMT_BYTES])
-        if layout is not None:
-            found.setdefault(layout.kind, layout)
-        at = data.find(FMT_HEAD, at + 3)
+    for begin in range(0, min(upto, len(data)), CHUNK):
+        part = data[begin : begin + CHUNK + FMT_BYTES - 1]
+        at = part.find(FMT_HEAD, 0, CHUNK + 2)
+        while at >= 0:
+            layout = _layout(part[at : at + FMT_BYTES])
+            if layout is not None:
+                found.setdefault(layout.kind, layout)
+            at = part.find(FMT_HEAD, at + 3, CHUNK + 2)
     return found
 
 
@@ -113,7 +117,7 @@ def _layout(message: bytes) -> Layout | None:
 
 
 def _scan(
-    data: Bytes, layouts: Mapping[int, Layout], wanted: set[int], progress: Progress
+    data: Bytes, layouts: Mapping[int, Layout], wanted: tuple[str, ...], progress: Progress
 ) -> tuple[dict[int, Ints], Ints, int]:
     """Places of the wanted messages by kind, counts by kind, and how many stretches were no message."""
     from pipeline.telemetry.dataflash_scan import AT, CORRUPT, scan_messages  # here, for numba is slow to import
@@ -121,7 +125,7 @@ def _scan(
     length, time_bytes, counts = np.zeros((3, 256), dtype=np.int64)
     listed = np.zeros(256, dtype=np.bool_)
     for kind, layout in layouts.items():
-        length[kind], time_bytes[kind], listed[kind] = layout.length, layout.time_bytes, kind in wanted
+        length[kind], time_bytes[kind], listed[kind] = layout.length, layout.time_bytes, layout.name in wanted
     start, kinds = np.empty((2, CHUNK), dtype=np.int64)
     state = np.array([0, 0, -1], dtype=np.int64)
     source = np.frombuffer(data, np.uint8) if COMPILED else bytes(data)

@@ -14,7 +14,7 @@ from pipeline.telemetry.compiled import loop
 
 HEAD_1, HEAD_2 = 0xA3, 0x95
 TIME_SPAN_US = 10_000_000
-AT, CORRUPT, LAST_US = 0, 1, 2
+AT, CORRUPT, LAST_TIMED = 0, 1, 2
 
 
 @loop
@@ -72,30 +72,33 @@ def scan_messages(
     time_bytes  (256,) 8 where a kind starts with microseconds, 4 with milliseconds, else 0
     wanted      (256,) true for kinds to list
     counts      (256,) is added to, for every kind
-    state       (3,) where to go on, how many stretches were no message, the last time in microseconds or -1
+    state       (3,) where to go on, how many stretches were no message, the last message with a time or -1
     """
-    at, corrupt, last_us = state[AT], state[CORRUPT], state[LAST_US]
+    at, corrupt, timed = state[AT], state[CORRUPT], state[LAST_TIMED]
     found, room = 0, len(start)
+    known = known_at(data, size, at, length)
     while at + 3 <= size and found < room:
-        good, following = False, at + 1
-        if known_at(data, size, at, length):
-            following = at + length[data[at + 2]]
-            good = following == size or known_at(data, size, following, length)
-            if not good:
-                resume = next_message(data, size, at + 3, length, time_bytes, last_us)
-                good = resume >= following and not is_kind_flip(data[at + 2], resume - at, length)
-                following = following if good else resume
-        else:
+        kind = data[at + 2]
+        following = at + length[kind] if known else at + 1
+        known_next = following < size and known_at(data, size, following, length)
+        if known and not known_next and following < size:  # what follows is no message: is this one?
+            last_us = time_us(data, timed, time_bytes) if timed >= 0 else -1
+            resume = next_message(data, size, at + 3, length, time_bytes, last_us)
+            known = resume >= following and not is_kind_flip(kind, resume - at, length)
+            following = following if known else resume
+            known_next = not known and resume < size
+        elif not known:
+            last_us = time_us(data, timed, time_bytes) if timed >= 0 else -1
             following = next_message(data, size, at + 1, length, time_bytes, last_us)
-        if good:
-            counts[data[at + 2]] += 1
-            time = time_us(data, at, time_bytes)
-            last_us = time if time >= 0 else last_us
-            if wanted[data[at + 2]]:
-                start[found], kinds[found] = at, data[at + 2]
+            known_next = following < size
+        if known:
+            counts[kind] += 1
+            timed = at if time_bytes[kind] > 0 else timed
+            if wanted[kind]:
+                start[found], kinds[found] = at, kind
                 found += 1
         else:
             corrupt += 1
-        at = following
-    state[AT], state[CORRUPT], state[LAST_US] = at, corrupt, last_us
+        at, known = following, known_next
+    state[AT], state[CORRUPT], state[LAST_TIMED] = at, corrupt, timed
     return found
