@@ -9,6 +9,7 @@ from pipeline.telemetry.flight_log import (
     GimbalSeries,
     PositionSeries,
 )
+from pipeline.telemetry.inspection import Inspection, inspect_log
 from pipeline.telemetry.log_sigma import log_sigma
 from pipeline.telemetry.log_time import first_position, log_span, resolve_start, utc_at
 from pipeline.telemetry.pose_table import PoseTable, read_pose_table, table_poses
@@ -21,12 +22,14 @@ __all__ = [
     "ClockFit",
     "FlightLog",
     "GimbalSeries",
+    "Inspection",
     "Mount",
     "PoseTable",
     "PositionSeries",
     "camera_poses",
     "covered",
     "first_position",
+    "inspect_log",
     "log_sigma",
     "log_span",
     "read_log",

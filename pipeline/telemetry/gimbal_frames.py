@@ -24,7 +24,11 @@ YAW_IN_VEHICLE_FRAME = 32
 YAW_IN_EARTH_FRAME = 64
 STEADIER = 0.5
 """Against the body, if that leaves less than this share of the unrest; both leave the same where nothing moves."""
-FRAME_NAMES = {EARTH: "north and the horizon", HEADING: "the vehicle's heading and the horizon", BODY: "its body"}
+FRAME_NAMES = {
+    EARTH: "north and the horizon",
+    HEADING: "the vehicle's heading and the horizon",
+    BODY: "the vehicle's body",
+}
 
 
 def frame_of_flags(flags: Floats) -> Ints:

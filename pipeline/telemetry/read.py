@@ -8,13 +8,14 @@ from pipeline.errors import InputFileError
 from pipeline.telemetry.compiled import COMPILED
 from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.dataflash_poses import dataflash_flight
+from pipeline.telemetry.dji_srt import read_dji_srt
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.mapped_file import mapped
 from pipeline.telemetry.mavlink_poses import mavlink_flight
 from pipeline.telemetry.tables import Progress, RawLog
 from pipeline.telemetry.ulog import read_ulog
 
-KNOWN = ".tlog, .mavlink, .bin, .log, .ulg"
+KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt"
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95", b"ULog"
 
 
@@ -32,6 +33,8 @@ def read_log(path: Path, *, system: int | None = None, progress: Progress = None
         return read_ulog(path, progress=progress)
     if kind == ".bin" or head.startswith(DATAFLASH_HEAD):
         return dataflash_flight(read_dataflash(path, progress=progress))
+    if kind == ".srt":
+        return read_dji_srt(path, progress=progress)
     if kind == ".log":
         return dataflash_flight(read_dataflash_text(path, progress=progress))
     raise InputFileError(

@@ -244,7 +244,7 @@ def _utc(topics: dict[str, Topic]) -> ClockFit | None:
 
 
 def _accuracy(topics: dict[str, Topic]) -> Accuracy:
-    for name in ("vehicle_global_position", *GPS_TOPICS, "vehicle_local_position"):
+    for name in ("vehicle_global_position", *GPS_TOPICS):
         topic = topics.get(name)
         if topic is not None and "eph" in topic:
             return Accuracy(

@@ -1,0 +1,137 @@
+"""What is in a log, what its clocks are worth, and what it lacks for camera poses: facts first, then words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from calibration.arrays import Floats
+from pipeline.telemetry.camera_pose import MAX_GAP_S
+from pipeline.telemetry.flight_log import FlightLog
+from pipeline.telemetry.gimbal_frames import FRAME_NAMES
+from pipeline.telemetry.missing import missing_attitude, missing_gimbal, missing_position
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesFacts:
+    """One series: source, samples (valid ones), log time it covers, median rate, longest gap and gaps not bridged."""
+
+    what: str
+    source: str
+    samples: int
+    valid: int
+    begin_s: float
+    end_s: float
+    rate_hz: float
+    longest_gap_s: float
+    gaps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """A log in facts and words.
+
+    series   position, attitude, gimbal: those that are there
+    missing  what camera poses lack, each with what to do about it
+    words    the whole as lines for people
+    """
+
+    file: str
+    format: str
+    messages: int
+    counts: Mapping[str, int]
+    corrupt_packets: int
+    series: tuple[SeriesFacts, ...]
+    missing: tuple[str, ...]
+    words: tuple[str, ...]
+
+
+def inspect_log(log: FlightLog) -> Inspection:
+    """Everything a person should know of a log before flying it through the pipeline."""
+    named = (("position", log.position), ("attitude", log.attitude), ("gimbal", log.gimbal))
+    series = tuple(_facts(what, s.source, s.time_s, s.time_s[s.valid]) for what, s in named if s is not None)
+    missing = _missing(log)
+    return Inspection(
+        file=log.path.name,
+        format=log.format,
+        messages=sum(log.counts.values()),
+        counts=log.counts,
+        corrupt_packets=log.corrupt_packets,
+        series=series,
+        missing=missing,
+        words=(*_head(log), *map(_series_words, series), *_more(log), *log.notes, *missing),
+    )
+
+
+def _facts(what: str, source: str, time_s: Floats, valid_s: Floats) -> SeriesFacts:
+    step = np.diff(valid_s)
+    moving = step[step > 0]
+    nothing = float("nan")
+    return SeriesFacts(
+        what=what,
+        source=source,
+        samples=len(time_s),
+        valid=len(valid_s),
+        begin_s=float(valid_s[0]) if len(valid_s) else nothing,
+        end_s=float(valid_s[-1]) if len(valid_s) else nothing,
+        rate_hz=float(1 / np.median(moving)) if len(moving) else nothing,
+        longest_gap_s=float(step.max()) if len(step) else nothing,
+        gaps=int((step > MAX_GAP_S).sum()),
+    )
+
+
+def _missing(log: FlightLog) -> tuple[str, ...]:
+    checks = (
+        (log.position, missing_position, "missing"),
+        (log.attitude, missing_attitude, "missing, unless a gimbal says all"),
+        (log.gimbal, missing_gimbal, 'missing for mount = "gimbal"'),
+    )
+    found = []
+    for series, error, lead in checks:
+        if series is None or series.valid.sum() < 2:
+            said = error(log, log.path.name)
+            found.append(f"{lead}: {said.expected}. {said.advice[0].upper()}{said.advice[1:]}.")
+    return tuple(found)
+
+
+def _head(log: FlightLog) -> list[str]:
+    who = "" if log.system is None else f", system {log.system} component {log.component}"
+    lines = [f"{log.path.name}: {log.format}, {sum(log.counts.values())} messages of {len(log.counts)} kinds{who}"]
+    if log.corrupt_packets:
+        lines.append(f"{log.corrupt_packets} corrupt packets or stretches, none of them used")
+    return lines
+
+
+def _series_words(facts: SeriesFacts) -> str:
+    holes = f", {facts.gaps} gaps over {MAX_GAP_S:g} s" if facts.gaps else ""
+    return (
+        f"{facts.what}: {facts.source}, {facts.valid} of {facts.samples} samples valid,"
+        f" log time {facts.begin_s:.1f} to {facts.end_s:.1f} s at {facts.rate_hz:.1f} Hz,"
+        f" longest gap {facts.longest_gap_s:.2f} s{holes}"
+    )
+
+
+def _more(log: FlightLog) -> list[str]:
+    lines = []
+    if log.position is not None:
+        lines.append(f"heights: {log.position.datum}, {log.position.height_from}")
+    if log.gimbal is not None and len(log.gimbal.frame):
+        frames = " or ".join(FRAME_NAMES[int(kind)] for kind in np.unique(log.gimbal.frame))
+        lines.append(f"gimbal angles count from {frames}")
+    if log.utc is not None:
+        moment = datetime.fromtimestamp(log.utc.other_s(0.0), UTC).isoformat(timespec="milliseconds")
+        lines.append(f"UTC at log time 0: {moment} within {log.utc.sigma_s:.2f} s (one sigma), by {log.utc.source}")
+    else:
+        lines.append("UTC is not known: `start` must be log time")
+    if len(log.camera_event_s):
+        lines.append(
+            f"{len(log.camera_event_s)} camera events by {log.camera_event_source},"
+            f" the first at log time {log.camera_event_s[0]:.3f} s"
+        )
+    if log.accuracy.source:
+        stated = log.accuracy
+        lines.append(f"accuracy by {stated.source}: {stated.horizontal_m:.2f} m across, {stated.vertical_m:.2f} m up")
+    return lines
