@@ -11,8 +11,25 @@ Conventions, the same everywhere in the project:
 This package never imports `pipeline`.
 """
 
-from calibration.board import Board, parse_board
+from calibration.board import Board
 from calibration.camera import CameraModel
-from calibration.camera_files import camera_json, read_camera, write_camera
+from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
+from calibration.from_files import calibrate_files
+from calibration.result import CalibratedView, Calibration, RejectedView
+from calibration.solve import calibrate
+from calibration.views import BoardView
 
-__all__ = ["Board", "CameraModel", "camera_json", "parse_board", "read_camera", "write_camera"]
+__all__ = [
+    "FORMATS",
+    "Board",
+    "BoardView",
+    "CalibratedView",
+    "Calibration",
+    "CameraModel",
+    "RejectedView",
+    "calibrate",
+    "calibrate_files",
+    "camera_json",
+    "read_camera",
+    "write_camera",
+]

@@ -67,24 +67,24 @@ class Board:
         row, col = np.mgrid[: self.rows, : self.cols]
         return np.stack([col.ravel(), row.ravel(), np.zeros(col.size)], axis=1) * self.square_m
 
+    @classmethod
+    def parse(cls, text: str, *, square_mm: float, marker_mm: float | None = None, dictionary: str = "") -> Board:
+        """A Board from "9x6" (inner corners) and the side of a square in millimetres.
 
-def parse_board(text: str, square_mm: float, *, marker_mm: float | None = None, dictionary: str = "") -> Board:
-    """A Board from "9x6" (inner corners) and the side of a square in millimetres.
-
-    Raises UsageError where the text is not two whole numbers or a size is impossible.
-    """
-    found = re.fullmatch(r"\s*(\d{1,3})\s*[xX*,]\s*(\d{1,3})\s*", text)
-    if not found:
-        raise UsageError(
-            where="--board",
-            seen=repr(text),
-            expected="columns x rows of inner corners, for example 9x6",
-            advice="count the points where four squares meet along the long and the short side",
+        Raises UsageError where the text is not two whole numbers or a size is impossible.
+        """
+        found = re.fullmatch(r"\s*(\d{1,3})\s*[xX*,]\s*(\d{1,3})\s*", text)
+        if not found:
+            raise UsageError(
+                where="--board",
+                seen=repr(text),
+                expected="columns x rows of inner corners, for example 9x6",
+                advice="count the points where four squares meet along the long and the short side",
+            )
+        return cls(
+            cols=int(found[1]),
+            rows=int(found[2]),
+            square_m=square_mm / 1000,
+            marker_m=None if marker_mm is None else marker_mm / 1000,
+            dictionary=dictionary or DEFAULT_DICTIONARY,
         )
-    return Board(
-        cols=int(found[1]),
-        rows=int(found[2]),
-        square_m=square_mm / 1000,
-        marker_m=None if marker_mm is None else marker_mm / 1000,
-        dictionary=dictionary or DEFAULT_DICTIONARY,
-    )

@@ -1,0 +1,132 @@
+"""Which lens model: the simplest that predicts unseen views as well as the best does.
+
+Every candidate is fitted, and judged by its held-out error: each view in turn against the intrinsics of all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.adjust import Corners, Fit, Model, adjust
+from calibration.arrays import Floats
+from calibration.camera import Lens
+from calibration.start import first_fit
+from calibration.uncertainty import Uncertainty, held_out_px, uncertainty
+
+WORTH = 1.004
+"""A simpler model may be this much worse in held-out error: less than the error's own scatter."""
+
+LEAST_NOISE_PX = 0.01
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """A lens model with its fit."""
+
+    name: str
+    model: Model
+    fit: Fit
+    uncertainty: Uncertainty
+    held_out_view_px: Floats
+
+    @property
+    def held_out_px(self) -> float:
+        """RMS over the views, each predicted from all the others."""
+        return float(np.sqrt(np.mean(self.held_out_view_px**2)))
+
+    @property
+    def terms(self) -> int:
+        """Number of free intrinsics."""
+        return int(self.model.free.sum())
+
+
+LADDER: tuple[tuple[str, tuple[int, ...], int], ...] = (
+    ("focal length only", (0, 1), 4),
+    ("k1", (0, 1, 2, 3, 4), 5),
+    ("k1 k2", (0, 1, 2, 3, 4, 5), 5),
+    ("k1 k2 p1 p2", (0, 1, 2, 3, 4, 5, 6, 7), 5),
+    ("k1 k2 p1 p2 k3", tuple(range(9)), 5),
+    ("8 terms", tuple(range(12)), 8),
+)
+CHOICES = ("auto", "focal", "1", "2", "4", "5", "8", "fisheye")
+BY_CHOICE = dict(zip(("focal", "1", "2", "4", "5", "8"), LADDER, strict=True))
+
+
+def model_named(choice: str, board_m: Floats) -> tuple[str, Model]:
+    """The model of one of `CHOICES` other than "auto"."""
+    if choice == "fisheye":
+        return "fisheye", Model(lens="fisheye", free=np.ones(8, bool), board_m=board_m)
+    name, free, distortion = BY_CHOICE[choice]
+    return name, _model("pinhole", free, 4 + (0 if choice == "focal" else distortion), board_m, choice == "focal")
+
+
+def _model(lens: Lens, free: Sequence[int], terms: int, board_m: Floats, one_focal: bool = False) -> Model:
+    mask = np.zeros(terms, bool)
+    mask[list(free)] = True
+    return Model(lens=lens, free=mask, board_m=board_m, one_focal=one_focal)
+
+
+def fitted(
+    choice: str, corners: Corners, image_size: tuple[int, int], board_m: Floats, start: Fit | None = None
+) -> Candidate:
+    """One model fitted and judged; `start` may be the fit of a smaller one."""
+    name, model = model_named(choice, board_m)
+    usable = start is not None and model.lens == "pinhole"
+    first = _widened(start, len(model.free)) if usable and start is not None else first_fit(model, corners, image_size)
+    return judged(name, model, adjust(model, first, corners), corners)
+
+
+def judged(name: str, model: Model, fit: Fit, corners: Corners) -> Candidate:
+    """A fit with what it is worth."""
+    worth = uncertainty(model, fit, corners, LEAST_NOISE_PX)
+    held = held_out_px(model, fit, corners, worth.without_view)
+    return Candidate(name=name, model=model, fit=fit, uncertainty=worth, held_out_view_px=held)
+
+
+def chosen(candidates: Sequence[Candidate]) -> Candidate:
+    """The one with the fewest terms among those that predict about as well as the best."""
+    best = min(c.held_out_px for c in candidates)
+    return min((c for c in candidates if c.held_out_px <= best * WORTH), key=lambda c: c.terms)
+
+
+def automatic(corners: Corners, image_size: tuple[int, int], board_m: Floats, base: Candidate) -> Candidate:
+    """The best pinhole model, or a fisheye where no pinhole describes the lens. `base` is the 5-term fit."""
+    tried = [base]
+    for choice in ("1", "2", "4"):
+        tried.append(fitted(choice, corners, image_size, board_m, _truncated(base.fit, choice)))
+    if corners.views >= 10:
+        tried.append(fitted("8", corners, image_size, board_m, base.fit))
+        tried = [c for c in tried if c.name != "8 terms" or _worth_eight(c, base)]
+    best = chosen(tried)
+    if _strange(best) and corners.views >= 5:
+        fish = fitted("fisheye", corners, image_size, board_m)
+        if fish.held_out_px < 0.8 * best.held_out_px:
+            return fish
+    return best
+
+
+def _worth_eight(eight: Candidate, five: Candidate) -> bool:
+    """Rational terms extrapolate wildly, so they must clearly earn their place."""
+    return eight.held_out_px < 0.95 * five.held_out_px and eight.uncertainty.determined
+
+
+def _strange(candidate: Candidate) -> bool:
+    """The pinhole leaves much: more than corners ever scatter by themselves."""
+    return candidate.fit.rms_px > 0.25 or not candidate.uncertainty.determined
+
+
+def _widened(fit: Fit, terms: int) -> Fit:
+    have = len(fit.intrinsics)
+    if terms <= have:
+        return replace(fit, intrinsics=fit.intrinsics[:terms])
+    return replace(fit, intrinsics=np.concatenate([fit.intrinsics, np.zeros(terms - have)]))
+
+
+def _truncated(fit: Fit, choice: str) -> Fit:
+    """The fit with the terms that `choice` holds set to zero."""
+    free = BY_CHOICE[choice][1]
+    keep = np.isin(np.arange(len(fit.intrinsics)), free)
+    return replace(fit, intrinsics=np.where(keep, fit.intrinsics, 0.0))

@@ -1,0 +1,71 @@
+"""Views that do not belong: single bad ones, and two cameras in one folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.adjust import Corners, Fit, Model, adjust, stacked
+from calibration.arrays import Bools, Floats
+from calibration.start import first_fit, posed, view_rms_px
+from calibration.views import BoardView
+
+TIMES_MEDIAN = 3.0
+LEAST_EXCESS_PX = 0.1
+TRIALS = 20
+
+
+def agreeing(model: Model, views: Sequence[BoardView]) -> tuple[Fit, Bools, Floats]:
+    """A robust fit of all views, which views agree with it, and the RMS of each."""
+    corners = stacked(views)
+    fit = first_fit(model, corners, views[0].image_size)
+    for _ in range(2):
+        limit = float(np.clip(3 * np.median(view_rms_px(fit, corners)), 0.1, 20))
+        fit = adjust(model, fit, corners, huber_px=limit, max_iterations=30)
+    rms = view_rms_px(fit, corners)
+    typical = float(np.median(rms))
+    return fit, np.asarray(rms <= max(TIMES_MEDIAN * typical, typical + LEAST_EXCESS_PX)), rms
+
+
+def two_cameras(model: Model, views: Sequence[BoardView], fit: Fit, seed: int = 0) -> tuple[Bools, float, float] | None:
+    """Whether the views fall into two groups that each fit well, with different focal lengths, and badly together.
+
+    Returns (which views are of the first group, both focal lengths), or None.
+    """
+    corners = stacked(views)
+    if corners.views < 6:
+        return None
+    random = np.random.default_rng(seed)
+    small = Model(lens=model.lens, free=_few(model.free), board_m=model.board_m)
+    errors = []
+    for _ in range(TRIALS):
+        picked = np.sort(random.choice(corners.views, 3, replace=False))
+        alone = _fit_of(small, [views[i] for i in picked], fit)
+        errors.append(view_rms_px(posed(small, corners, alone.intrinsics), corners))
+    half = corners.views // 2
+    best = min(errors, key=lambda e: float(np.sort(e)[: max(3, half // 2 + 1)].mean()))
+    core = float(np.median(np.sort(best)[: max(3, half // 2 + 1)]))
+    first = best < max(4 * core, 0.15)
+    if not 3 <= first.sum() <= corners.views - 3:
+        return None
+    fits = [_fit_of(model, [v for v, m in zip(views, mask, strict=True) if m], fit) for mask in (first, ~first)]
+    together = adjust(model, replace(fit), corners, max_iterations=30).rms_px
+    apart = [f.intrinsics[0] for f in fits]
+    if max(f.rms_px for f in fits) > 0.4 * together or abs(np.log(apart[0] / apart[1])) < 0.005:
+        return None
+    return np.asarray(first), float(apart[0]), float(apart[1])
+
+
+def _few(free: Bools) -> Bools:
+    few = np.zeros_like(free)
+    few[[0, 1, 4] if len(free) > 4 else [0, 1]] = True
+    return few & free
+
+
+def _fit_of(model: Model, views: Sequence[BoardView], fit: Fit) -> Fit:
+    corners: Corners = stacked(views)
+    start = posed(model, corners, fit.intrinsics)
+    loose = float(np.clip(2 * np.median(view_rms_px(start, corners)), 0.5, 50))
+    return adjust(model, adjust(model, start, corners, huber_px=loose, max_iterations=15), corners, max_iterations=20)

@@ -1,0 +1,247 @@
+"""Views of a board become a camera: robust fit, outlier views out, lens model chosen, uncertainty, verdict.
+
+The adjustment itself is adjust.py, the choice of the lens candidates.py, covariance uncertainty.py, words verdict.py.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.adjust import Corners, Fit, Model, adjust, stacked
+from calibration.arrays import Floats
+from calibration.board import Board
+from calibration.camera import CameraModel
+from calibration.candidates import CHOICES, Candidate, automatic, fitted, judged, model_named
+from calibration.errors import CalibrationError, InputFileError, UsageError
+from calibration.outliers import agreeing, two_cameras
+from calibration.quality import Coverage, coverage, grid_of
+from calibration.result import CalibratedView, Calibration, RejectedView
+from calibration.start import normalised, view_rms_px
+from calibration.uncertainty import corner_noise_px, projection_sigma_px
+from calibration.verdict import Diagnosis, advice, judge, refuse_undetermined
+from calibration.views import BoardView
+
+LEAST_VIEWS = 3
+BOARD_SIGMA = (0.001, 0.001, 0.005)
+"""Prior of the board's shape over its longer side: printers and paper in the plane, boards that bend out of it."""
+
+
+def calibrate(
+    views: Sequence[BoardView],
+    board: Board,
+    *,
+    terms: str = "auto",
+    rejected: Sequence[RejectedView] = (),
+) -> Calibration:
+    """The camera that took `views` of `board`.
+
+    terms     "auto", or one of `candidates.CHOICES`: "focal", "1", "2", "4", "5", "8" distortion terms, "fisheye"
+    rejected  photos already set aside, to be carried into the result
+    Raises InputFileError for mixed image sizes, CalibrationError where the views cannot determine the camera (fewer
+    than 3, all fronto-parallel, all in one corner, two cameras mixed), UsageError for unknown `terms`.
+    """
+    _check(views, terms)
+    board_m = board.points_m - board.points_m.mean(axis=0)
+    views, outliers = _without_outliers(views, board_m, terms)
+    corners = stacked(views)
+    best = _best(corners, views, board_m, terms)
+    noise = corner_noise_px([grid_of(v, board.cols, board.rows) for v in views])
+    best, diagnosis = _diagnosed(best, corners, noise, board)
+    reach = coverage(views, best.fit.rotation, best.fit.translation_m)
+    refuse_undetermined(best, reach, views)
+    return _calibration(best, views, board, corners, noise, diagnosis, reach, (*rejected, *outliers))
+
+
+def _check(views: Sequence[BoardView], terms: str) -> None:
+    if terms not in CHOICES:
+        raise UsageError(
+            where="distortion terms", seen=repr(terms), expected=f"one of {', '.join(CHOICES)}", advice="leave it out"
+        )
+    if len(views) < LEAST_VIEWS:
+        raise CalibrationError(
+            where="photos with the board in them",
+            seen=f"{len(views)}" + (f" ({', '.join(v.name for v in views)})" if views else ""),
+            expected=f"at least {LEAST_VIEWS}, better 15 or more",
+            advice="take more photos of the board, tilted 20 to 45 degrees, all over the image",
+        )
+    refuse_mixed_sizes([(v.name, v.image_size) for v in views])
+
+
+def refuse_mixed_sizes(photos: Sequence[tuple[str, tuple[int, int]]]) -> None:
+    """Raises InputFileError where not all photos (name, (width, height)) are of one size."""
+    sizes = Counter(size for _, size in photos)
+    if len(sizes) < 2:
+        return
+    usual = sizes.most_common(1)[0][0]
+    odd = [f"{name} ({w}x{h})" for name, (w, h) in photos if (w, h) != usual]
+    raise InputFileError(
+        where="photos",
+        seen=f"{len(sizes)} image sizes: {sizes[usual]} photos are {usual[0]}x{usual[1]}, but {_some(odd)}",
+        expected="photos of one camera at one resolution",
+        advice="leave out the others, or calibrate them on their own",
+    )
+
+
+def _some(names: Sequence[str], most: int = 6) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def _without_outliers(
+    views: Sequence[BoardView], board_m: Floats, terms: str
+) -> tuple[list[BoardView], list[RejectedView]]:
+    """The views that agree, and the others with the reason; raises where two cameras are mixed."""
+    _, model = model_named("1" if len(views) < 5 and terms == "auto" else "5" if terms == "auto" else terms, board_m)
+    fit, agree, rms = agreeing(model, views)
+    suspicious = agree.mean() < 0.8 or float(np.median(rms)) > 0.5
+    if suspicious:
+        _refuse_two_cameras(model, views, fit)
+    if agree.sum() < max(LEAST_VIEWS, 0.5 * len(views)):
+        agree = np.ones(len(views), bool)
+    typical = float(np.median(rms[agree]))
+    bad = [
+        RejectedView(name=v.name, reason=f"off by {e:.2f} px where the other views are off by {typical:.2f} px")
+        for v, e, good in zip(views, rms, agree, strict=True)
+        if not good
+    ]
+    return [v for v, good in zip(views, agree, strict=True) if good], bad
+
+
+def _refuse_two_cameras(model: Model, views: Sequence[BoardView], fit: Fit) -> None:
+    found = two_cameras(model, views, fit)
+    if found is None:
+        return
+    first, one, other = found
+    names = (
+        [v.name for v, m in zip(views, first, strict=True) if m],
+        [v.name for v, m in zip(views, first, strict=True) if not m],
+    )
+    raise CalibrationError(
+        where="photos",
+        seen=f"two cameras, or two zoom settings: {_some(names[0])} fit a focal length of {one:.0f} px, "
+        f"{_some(names[1])} one of {other:.0f} px",
+        expected="photos of one camera with one zoom and focus",
+        advice="calibrate each group on its own",
+    )
+
+
+def _best(corners: Corners, views: Sequence[BoardView], board_m: Floats, terms: str) -> Candidate:
+    size = views[0].image_size
+    if terms != "auto":
+        return fitted(terms, corners, size, board_m)
+    if len(views) < 5:
+        return fitted("1", corners, size, board_m)
+    return automatic(corners, size, board_m, fitted("5", corners, size, board_m))
+
+
+def _diagnosed(best: Candidate, corners: Corners, noise: float, board: Board) -> tuple[Candidate, Diagnosis]:
+    """What the lens model does not explain: a bent board (then taken in), or motion while the image was read."""
+    left = best.uncertainty.sigma0_px
+    if corners.views < 6 or not left > max(1.3 * noise, 0.05):
+        return best, Diagnosis(sigma0_px=left)
+    side = max(board.cols, board.rows) * board.square_m
+    turning = replace(best.model, turning=True)
+    turned = adjust(turning, best.fit, corners, max_iterations=15)
+    bending = replace(best.model, board_sigma_m=(BOARD_SIGMA[0] * side, BOARD_SIGMA[1] * side, BOARD_SIGMA[2] * side))
+    bent = adjust(bending, best.fit, corners, noise_px=max(noise, 0.02) if noise == noise else 0.05, max_iterations=25)
+    turn_px, bend_px = (_sigma0(m, f, corners) for m, f in ((turning, turned), (bending, bent)))
+    size = float(np.abs(bent.bend_m / side).max())
+    angle = float(np.degrees(np.median(np.linalg.norm(turned.turn_rad, axis=1))))
+    diagnosis = Diagnosis(sigma0_px=left, turning_px=turn_px, turn_deg=angle, bending_px=bend_px, bend_share=size)
+    if bend_px < 0.8 * left and bend_px < 1.1 * turn_px and corners.views >= 8 and size < 4 * max(BOARD_SIGMA):
+        shaped = judged(f"{best.name}, board's shape estimated", bending, bent, corners)
+        if shaped.held_out_px < 0.9 * best.held_out_px:
+            return shaped, replace(diagnosis, bent=True)
+    return best, diagnosis
+
+
+def _sigma0(model: Model, fit: Fit, corners: Corners) -> float:
+    shape = 0 if model.board_sigma_m is None else model.board_m.size - 6
+    unknowns = int(model.free.sum()) + model.own * corners.views + shape
+    return float(np.sqrt(np.sum(fit.residual_px**2) / max(1, corners.xy.size - unknowns)))
+
+
+def _calibration(
+    best: Candidate,
+    views: Sequence[BoardView],
+    board: Board,
+    corners: Corners,
+    noise: float,
+    diagnosis: Diagnosis,
+    reach: Coverage,
+    rejected: Sequence[RejectedView],
+) -> Calibration:
+    per_view = view_rms_px(best.fit, corners)
+    used = tuple(
+        CalibratedView(
+            name=view.name,
+            corners=view.corners,
+            index=view.index,
+            residual_px=best.fit.residual_px[corners.rows(i)],
+            rms_px=float(per_view[i]),
+            held_out_px=float(best.held_out_view_px[i]),
+            tilt_deg=float(reach.tilt_deg[i]),
+            distance_m=float(reach.distance_m[i]),
+            blur_px=view.blur_px,
+        )
+        for i, view in enumerate(views)
+    )
+    spread = _projection_sigma(best, views[0].image_size)
+    worst = (float(np.median(spread)), float(spread.max()))
+    verdict, warnings = judge(best, used, rejected, reach, noise, diagnosis, worst, views[0].image_size)
+    camera = _camera(best, views, board, rejected, verdict)
+    return Calibration(
+        camera=camera,
+        board=board,
+        lens=best.name,
+        views=used,
+        rejected=tuple(rejected),
+        sigma=np.sqrt(np.diag(best.uncertainty.covariance)),
+        held_out_px=best.held_out_px,
+        corner_noise_px=noise,
+        inflation=best.uncertainty.inflation,
+        projection_sigma_px=worst,
+        coverage=reach,
+        bend_m=best.fit.bend_m if diagnosis.bent else None,
+        verdict=verdict,
+        warnings=warnings,
+        advice=advice(reach, len(used)),
+    )
+
+
+def _projection_sigma(best: Candidate, size: tuple[int, int]) -> Floats:
+    x, y = np.meshgrid(np.linspace(0, size[0] - 1, 11), np.linspace(0, size[1] - 1, 9))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1)
+    flat = normalised(best.model.lens, best.fit.intrinsics, pixels)
+    rays = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
+    rays = rays[np.isfinite(flat).all(axis=1) & (np.abs(flat).max(axis=1) < 50)]
+    return projection_sigma_px(best.model, best.fit.intrinsics, best.uncertainty.covariance, rays)
+
+
+def _camera(
+    best: Candidate, views: Sequence[BoardView], board: Board, rejected: Sequence[RejectedView], verdict: str
+) -> CameraModel:
+    fx, fy, cx, cy = best.fit.intrinsics[:4]
+    return CameraModel(
+        model=best.model.lens,
+        image_size=views[0].image_size,
+        K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
+        distortion=best.fit.intrinsics[4:],
+        rms_px=best.fit.rms_px,
+        covariance=best.uncertainty.covariance,
+        made={
+            "by": "runningfix calibrate",
+            "board": board.name,
+            "square_m": board.square_m,
+            "lens": best.name,
+            "views": len(views),
+            "rejected": [r.name for r in rejected],
+            "held_out_px": round(best.held_out_px, 6),
+            "covariance_inflation": round(best.uncertainty.inflation, 4),
+            "verdict": verdict,
+            "pixels": "as stored: EXIF orientation is not applied",
+        },
+    )
