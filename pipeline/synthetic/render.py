@@ -54,7 +54,7 @@ def frames(
     optics = optics or Optics()
     rng = np.random.default_rng([seed, 4])
     rays = ray_table(camera.lens).astype(np.float32)
-    grain = _grain(camera.lens.image_size, optics.noise, rng)
+    grain = grain_of(camera.lens.image_size, optics.noise, rng)
     bodies = [(t, body(t.shape)) for t in scene.targets if t.shape is not None]
     for frame in range(camera.frames):
         time = float(camera.frame_time_s(np.array([frame]))[0])
@@ -64,7 +64,7 @@ def frames(
         if country.bridge is not None:
             _draw_solids(image, view, (country.bridge,))
         _draw_solids(image, view, country.solids)
-        yield _sensor(image, optics, grain, rng)
+        yield sensed(image, optics, grain, rng)
 
 
 def view_at(camera: SceneCamera, time_s: float) -> View:
@@ -157,13 +157,14 @@ def _shaded(window: Image, shadow: Floats) -> Image:
     return np.asarray(window * keep[:, :, None], np.uint8)
 
 
-def _grain(size: tuple[int, int], noise: float, rng: np.random.Generator) -> Grain:
+def grain_of(size: tuple[int, int], noise: float, rng: np.random.Generator) -> Grain:
     """Noise a little larger than the image; every frame takes another part of it."""
     width, height = size
     return np.round(noise * rng.standard_normal((height + 96, width + 96, 3), dtype=np.float32)).astype(np.int8)
 
 
-def _sensor(image: Image, optics: Optics, grain: Grain, rng: np.random.Generator) -> Image:
+def sensed(image: Image, optics: Optics, grain: Grain, rng: np.random.Generator) -> Image:
+    """The picture after lens and sensor; which part of the noise it gets is drawn from `rng`."""
     if optics.blur_px > 0:
         image = np.asarray(cv2.GaussianBlur(image, (5, 5), optics.blur_px), np.uint8)
     if optics.noise <= 0:
