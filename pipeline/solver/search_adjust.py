@@ -22,6 +22,7 @@ from pipeline.geometry.rotation import exp, matrix, skew
 from pipeline.solver.search_crossing import ClockPrior, Fit, prior_cost
 from pipeline.solver.search_frames import FrameSet, Whitening, frames_of, whitening
 from pipeline.solver.search_polynomial import project_motion, stacked_rows
+from pipeline.solver.search_sweep import ClockRange
 from pipeline.solver.search_views import View
 
 FRAMES = 500
@@ -82,6 +83,25 @@ def polish_polynomial(
     held = _held(setup, point)
     normal, _, cost = _normal(setup, point, held)
     return _fit(setup, point, cost + sum(w.widening for w in held), normal)
+
+
+def polynomial_information(
+    views: Sequence[View], clocks: Sequence[tuple[float, float]], orders: Mapping[str, int]
+) -> Floats:
+    """What the sightings alone know (8 c, 8 c) of time at mid-track, stretch, tilt (3), shift (3) of each camera.
+
+    The motions, of known polynomial order, are eliminated; they are taken where they fit best at the given clocks.
+    """
+    wanted = [t for t in orders if any(t in v.tracks for v in views)]
+    free = ClockPrior(stretch_sigma=1e6, allowed=ClockRange(low_s=0.0, high_s=0.0, stretch=0.0))
+    setup, point = _start(views, np.array(clocks, float), [free] * len(views), wanted, orders, 1.0)
+    normal = _normal(setup, point, _held(setup, point))[0] - _priors(setup, point)[0]
+    size = 8 * len(views)
+    motion = normal[size:, size:]
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(motion), 1e-300))
+    inverse = np.linalg.pinv(motion * scale[:, None] * scale, rcond=1e-12, hermitian=True)
+    coupling = normal[:size, size:] * scale
+    return np.asarray(normal[:size, :size] - coupling @ inverse @ coupling.T)
 
 
 def _held(setup: _Setup, point: _Point) -> list[Whitening]:

@@ -205,6 +205,18 @@ def _turned(ray: Floats, axes: Floats, tilt_rad: Floats) -> Floats:
 
 def _step(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | None], scale: float) -> Floats | None:
     """One Gauss-Newton step (c, 8), or None where nothing overlaps any more."""
+    normal, right, seen = _data(state, pairs, scale)
+    if seen == 0:
+        return None
+    _add_priors(state, priors, normal, right)
+    size = right.size
+    step = np.linalg.solve(normal.reshape(size, size), right.reshape(size)).reshape(right.shape)
+    limit = np.abs(step[:, 0]).max()
+    return np.asarray(step * min(1.0, 1.0 / max(limit, 1e-12)))
+
+
+def _data(state: _State, pairs: Sequence[_Pair], scale: float) -> tuple[Floats, Floats, int]:
+    """Normal matrix (c, 8, c, 8) and right-hand side (c, 8) of the sightings alone, and how many of them count."""
     count = len(state.views)
     normal, right = np.zeros((count, 8, count, 8)), np.zeros((count, 8))
     seen = 0
@@ -219,13 +231,15 @@ def _step(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | N
             right[i] -= left.T @ (weight * r.residual)
             for j, other in columns:
                 normal[i, :, j] += left.T @ (weight[:, None] * other)
-    if seen == 0:
-        return None
-    _add_priors(state, priors, normal, right)
-    size = 8 * count
-    step = np.linalg.solve(normal.reshape(size, size), right.reshape(size)).reshape(count, 8)
-    limit = np.abs(step[:, 0]).max()
-    return np.asarray(step * min(1.0, 1.0 / max(limit, 1e-12)))
+    return normal, right, seen
+
+
+def crossing_information(views: Sequence[View], clocks: Sequence[tuple[float, float]]) -> Floats:
+    """What the sightings alone know (8 c, 8 c) of time at mid-track, stretch, tilt (3), shift (3) of each camera."""
+    zero = np.zeros((len(views), 3))
+    state = _State(clock=np.array(clocks, float), tilt=zero, shift=zero, views=views)
+    size = 8 * len(views)
+    return _data(state, pairs_of(views), _starting_scale(views))[0].reshape(size, size) * _starting_scale(views) ** 2
 
 
 def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floats, right: Floats) -> None:

@@ -179,7 +179,7 @@ def sweep_polynomial(
     rows = [stacked_rows(views, t, orders[t], most) for t in wanted]
     first, last = new.span_s
     middle, half = 0.5 * (first + last), 0.5 * (last - first)
-    step = float(np.clip(2 * half / 25, 0.1, 1.0))
+    step = float(np.clip(2 * half / 15, 0.1, 1.0))
     count = int(np.ceil(allowed.stretch / min(0.05, 2 * step / half))) if allowed.stretch * half > step / 4 else 0
     stretches = np.linspace(1 - allowed.stretch, 1 + allowed.stretch, 2 * count + 1) if count else np.ones(1)
     offsets = np.arange(allowed.low_s, allowed.high_s + step, min(step, (allowed.high_s - allowed.low_s) / 4))
