@@ -1,9 +1,10 @@
 """Where the messages of a DataFlash log are.
 
 A message is A3 95 kind payload; its length follows from its kind. There is no checksum, so a message is believed
-where another message (or the end of the file) follows it. After bytes that are no message, reading starts again where
-two messages follow each other, or where one carries a time within TIME_SPAN_US of the last. Numba compiles this file:
-everything is a bare array.
+where another message follows it, or one whose header has a single wrong bit, or nothing more. Where garbage follows,
+bytes were more likely lost or added inside of the message than exactly behind it, and it is not believed. Reading
+starts again where two messages follow each other, or where one carries a time within TIME_SPAN_US of the last. Numba
+compiles this file: everything is a bare array.
 """
 
 from __future__ import annotations
@@ -53,12 +54,21 @@ def next_message(data: Any, size: int, at: int, length: Any, time_bytes: Any, la
 
 
 @loop
-def is_kind_flip(kind: int, span: int, length: Any) -> bool:
-    """Whether one wrong bit made `kind` of a kind that is `span` bytes long: the length betrays it."""
-    for bit in range(8):  # noqa: SIM110 - numba compiles no generators
-        if length[kind ^ (1 << bit)] == span:
-            return True
-    return False
+def one_bit(value: int) -> bool:
+    """Whether exactly one bit is set."""
+    return value != 0 and value & (value - 1) == 0
+
+
+@loop
+def broken_header(data: Any, at: int, span: int, length: Any) -> bool:
+    """Whether one wrong bit in its header hides a message of `span` bytes at `at`."""
+    first, second, kind = int(data[at]) ^ HEAD_1, int(data[at + 1]) ^ HEAD_2, int(data[at + 2])
+    if first == 0 and second == 0:
+        for bit in range(8):  # noqa: SIM110 - numba compiles no generators
+            if length[kind ^ (1 << bit)] == span:
+                return True
+        return False
+    return one_bit(first << 8 | second) and length[kind] == span
 
 
 @loop
@@ -84,7 +94,9 @@ def scan_messages(
         if known and not known_next and following < size:  # what follows is no message: is this one?
             last_us = time_us(data, timed, time_bytes) if timed >= 0 else -1
             resume = next_message(data, size, at + 3, length, time_bytes, last_us)
-            known = resume >= following and not is_kind_flip(kind, resume - at, length)
+            known = resume == size or (
+                resume >= following + 3 and broken_header(data, following, resume - following, length)
+            )
             following = following if known else resume
             known_next = not known and resume < size
         elif not known:
