@@ -20,6 +20,8 @@ WORTH = 1.004
 """A simpler model may be this much worse in held-out error: less than the error's own scatter."""
 
 LEAST_NOISE_PX = 0.01
+LONG_LENS, WIDE_LENS = 3.0, 0.5
+"""Focal length over the image's longer side from which a lens is long, up to which it is wide."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,10 +74,12 @@ def _model(lens: Lens, free: Sequence[int], terms: int, board_m: Floats, one_foc
 def fitted(
     choice: str, corners: Corners, image_size: tuple[int, int], board_m: Floats, start: Fit | None = None
 ) -> Candidate:
-    """One model fitted and judged; `start` may be the fit of a smaller one."""
+    """One model fitted and judged; `start` may be the fit of another one of the same kind of lens."""
     name, model = model_named(choice, board_m)
-    usable = start is not None and model.lens == "pinhole"
-    first = _widened(start, len(model.free)) if usable and start is not None else first_fit(model, corners, image_size)
+    if start is None or choice == "focal":
+        first = first_fit(model, corners, image_size)
+    else:
+        first = _widened(start, len(model.free))
     return judged(name, model, adjust(model, first, corners), corners)
 
 
@@ -92,16 +96,19 @@ def chosen(candidates: Sequence[Candidate]) -> Candidate:
     return min((c for c in candidates if c.held_out_px <= best * WORTH), key=lambda c: c.terms)
 
 
-def automatic(corners: Corners, image_size: tuple[int, int], board_m: Floats, base: Candidate) -> Candidate:
+def automatic(
+    corners: Corners, image_size: tuple[int, int], board_m: Floats, base: Candidate, noise_px: float
+) -> Candidate:
     """The best pinhole model, or a fisheye where no pinhole describes the lens. `base` is the 5-term fit."""
     tried = [base]
-    for choice in ("1", "2", "4"):
+    long = base.fit.intrinsics[0] > LONG_LENS * max(image_size)
+    for choice in ("focal", "1", "2", "4") if long else ("1", "2", "4"):
         tried.append(fitted(choice, corners, image_size, board_m, _truncated(base.fit, choice)))
     if corners.views >= 10:
         tried.append(fitted("8", corners, image_size, board_m, base.fit))
         tried = [c for c in tried if c.name != "8 terms" or _worth_eight(c, base)]
     best = chosen(tried)
-    if _strange(best) and corners.views >= 5:
+    if corners.views >= 5 and _strange(best, image_size, noise_px):
         fish = fitted("fisheye", corners, image_size, board_m)
         if fish.held_out_px < 0.8 * best.held_out_px:
             return fish
@@ -113,9 +120,11 @@ def _worth_eight(eight: Candidate, five: Candidate) -> bool:
     return eight.held_out_px < 0.95 * five.held_out_px and eight.uncertainty.determined
 
 
-def _strange(candidate: Candidate) -> bool:
-    """The pinhole leaves much: more than corners ever scatter by themselves."""
-    return candidate.fit.rms_px > 0.25 or not candidate.uncertainty.determined
+def _strange(candidate: Candidate, image_size: tuple[int, int], noise_px: float) -> bool:
+    """A very wide lens, or the pinhole leaves more than corners scatter by themselves."""
+    wide = candidate.fit.intrinsics[0] < WIDE_LENS * max(image_size)
+    left = candidate.uncertainty.sigma0_px > max(2 * noise_px, 0.02) if noise_px == noise_px else True
+    return wide or left or not candidate.uncertainty.determined
 
 
 def _widened(fit: Fit, terms: int) -> Fit:
@@ -126,7 +135,7 @@ def _widened(fit: Fit, terms: int) -> Fit:
 
 
 def _truncated(fit: Fit, choice: str) -> Fit:
-    """The fit with the terms that `choice` holds set to zero."""
+    """The fit with the distortion terms that `choice` holds set to zero."""
     free = BY_CHOICE[choice][1]
-    keep = np.isin(np.arange(len(fit.intrinsics)), free)
+    keep = np.isin(np.arange(len(fit.intrinsics)), [*free, 0, 1, 2, 3])
     return replace(fit, intrinsics=np.where(keep, fit.intrinsics, 0.0))

@@ -14,7 +14,13 @@ from calibration.views import BoardView
 
 TIMES_MEDIAN = 3.0
 LEAST_EXCESS_PX = 0.1
-TRIALS = 20
+TRIALS = 10
+REGROUPED = 5
+LEAST_GROUP = 3
+APART = 0.6
+"""Two cameras: each group's RMS is at most this share of what they leave together ..."""
+LEAST_FOCAL_CHANGE = 0.005
+"""... and the focal lengths differ by this, relative."""
 
 
 def agreeing(model: Model, views: Sequence[BoardView]) -> tuple[Fit, Bools, Floats]:
@@ -29,6 +35,19 @@ def agreeing(model: Model, views: Sequence[BoardView]) -> tuple[Fit, Bools, Floa
     return fit, np.asarray(rms <= max(TIMES_MEDIAN * typical, typical + LEAST_EXCESS_PX)), rms
 
 
+def kept(fit: Fit, corners: Corners, which: Bools) -> Fit:
+    """The part of a fit that belongs to the views `which`."""
+    rows = which[corners.view]
+    return replace(
+        fit,
+        rotation=fit.rotation[which],
+        translation_m=fit.translation_m[which],
+        turn_rad=fit.turn_rad[which],
+        residual_px=fit.residual_px[rows],
+        weight=fit.weight[rows],
+    )
+
+
 def two_cameras(model: Model, views: Sequence[BoardView], fit: Fit, seed: int = 0) -> tuple[Bools, float, float] | None:
     """Whether the views fall into two groups that each fit well, with different focal lengths, and badly together.
 
@@ -41,26 +60,31 @@ def two_cameras(model: Model, views: Sequence[BoardView], fit: Fit, seed: int = 
     small = Model(lens=model.lens, free=_few(model.free), board_m=model.board_m)
     errors = []
     for _ in range(TRIALS):
-        picked = np.sort(random.choice(corners.views, 3, replace=False))
+        picked = np.sort(random.choice(corners.views, 4 if corners.views > 9 else 3, replace=False))
         alone = _fit_of(small, [views[i] for i in picked], fit)
         errors.append(view_rms_px(posed(small, corners, alone.intrinsics), corners))
     half = corners.views // 2
-    best = min(errors, key=lambda e: float(np.sort(e)[: max(3, half // 2 + 1)].mean()))
-    core = float(np.median(np.sort(best)[: max(3, half // 2 + 1)]))
-    first = best < max(4 * core, 0.15)
-    if not 3 <= first.sum() <= corners.views - 3:
+    best = min(errors, key=lambda e: float(np.sort(e)[:half].mean()))
+    first = best <= np.sort(best)[half - 1]
+    for _ in range(REGROUPED):
+        if not LEAST_GROUP <= first.sum() <= corners.views - LEAST_GROUP:
+            return None
+        fits = [_fit_of(model, [v for v, m in zip(views, mask, strict=True) if m], fit) for mask in (first, ~first)]
+        one, other = (view_rms_px(posed(model, corners, f.intrinsics), corners) for f in fits)
+        if np.array_equal(one <= other, first):
+            break
+        first = one <= other
+    together = adjust(model, fit, corners, max_iterations=30).rms_px
+    apart = [float(f.intrinsics[0]) for f in fits]
+    if max(f.rms_px for f in fits) > APART * together or abs(np.log(apart[0] / apart[1])) < LEAST_FOCAL_CHANGE:
         return None
-    fits = [_fit_of(model, [v for v, m in zip(views, mask, strict=True) if m], fit) for mask in (first, ~first)]
-    together = adjust(model, replace(fit), corners, max_iterations=30).rms_px
-    apart = [f.intrinsics[0] for f in fits]
-    if max(f.rms_px for f in fits) > 0.4 * together or abs(np.log(apart[0] / apart[1])) < 0.005:
-        return None
-    return np.asarray(first), float(apart[0]), float(apart[1])
+    return np.asarray(first), apart[0], apart[1]
 
 
 def _few(free: Bools) -> Bools:
+    """Focal length and principal point: what a few views can tell when the distortion is roughly known."""
     few = np.zeros_like(free)
-    few[[0, 1, 4] if len(free) > 4 else [0, 1]] = True
+    few[:4] = True
     return few & free
 
 

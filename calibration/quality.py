@@ -1,8 +1,8 @@
 """What a set of views can and cannot tell, in figures and in words.
 
 Coverage: the image in 5 x 5 tiles, a tile is seen when a corner of some view falls in it.
-Tilt: angle between the board's normal and the direction to the camera; without tilt, focal length and distance cannot
-be told apart.
+Tilt: angle between the board's normal and the optical axis; without tilt, focal length and distance cannot be told
+apart.
 """
 
 from __future__ import annotations
@@ -55,8 +55,7 @@ def coverage(views: Sequence[BoardView], rotation: Floats, translation_m: Floats
     seen = np.zeros((TILES, TILES), bool)
     seen[tile[:, 1], tile[:, 0]] = True
     hull = cv2.convexHull(every.astype(np.float32))
-    toward = translation_m / np.linalg.norm(translation_m, axis=1, keepdims=True)
-    cosine = np.abs(np.einsum("vi,vi->v", rotation[:, :, 2], toward))
+    cosine = np.abs(rotation[:, 2, 2])
     roll = np.degrees(np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])) % 90
     around = np.abs(np.exp(4j * np.radians(roll)).mean())
     return Coverage(

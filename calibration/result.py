@@ -22,7 +22,7 @@ class CalibratedView:
     corners, residual_px (n, 2)  observed, and predicted minus observed; index (n,) which corners of the board
     rms_px       root mean square of the residuals' lengths
     held_out_px  the same under the intrinsics that all the other views give
-    tilt_deg     between the board's normal and the direction to the camera
+    tilt_deg     between the board's normal and the optical axis
     distance_m   of the board's middle
     blur_px      sigma of the edges: sharpest and most blurred direction
     """

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust, stacked
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
 from calibration.board import Board
 from calibration.camera import CameraModel
 from calibration.candidates import CHOICES, Candidate, automatic, fitted, judged, model_named
 from calibration.errors import CalibrationError, InputFileError, UsageError
-from calibration.outliers import agreeing, two_cameras
+from calibration.outliers import agreeing, kept, two_cameras
 from calibration.quality import Coverage, coverage, grid_of
 from calibration.result import CalibratedView, Calibration, RejectedView
 from calibration.start import normalised, view_rms_px
@@ -46,10 +46,10 @@ def calibrate(
     """
     _check(views, terms)
     board_m = board.points_m - board.points_m.mean(axis=0)
-    views, outliers = _without_outliers(views, board_m, terms)
-    corners = stacked(views)
-    best = _best(corners, views, board_m, terms)
     noise = corner_noise_px([grid_of(v, board.cols, board.rows) for v in views])
+    views, outliers, start = _without_outliers(views, board_m, terms, noise)
+    corners = stacked(views)
+    best = _best(corners, views, board_m, terms, noise, start)
     best, diagnosis = _diagnosed(best, corners, noise, board)
     reach = coverage(views, best.fit.rotation, best.fit.translation_m)
     refuse_undetermined(best, reach, views)
@@ -91,13 +91,11 @@ def _some(names: Sequence[str], most: int = 6) -> str:
 
 
 def _without_outliers(
-    views: Sequence[BoardView], board_m: Floats, terms: str
-) -> tuple[list[BoardView], list[RejectedView]]:
-    """The views that agree, and the others with the reason; raises where two cameras are mixed."""
-    _, model = model_named("1" if len(views) < 5 and terms == "auto" else "5" if terms == "auto" else terms, board_m)
-    fit, agree, rms = agreeing(model, views)
-    suspicious = agree.mean() < 0.8 or float(np.median(rms)) > 0.5
-    if suspicious:
+    views: Sequence[BoardView], board_m: Floats, terms: str, noise_px: float
+) -> tuple[list[BoardView], list[RejectedView], tuple[Model, Fit]]:
+    """The views that agree, the others with the reason, a first fit; raises where two cameras are mixed."""
+    model, (fit, agree, rms) = _agreeing(views, board_m, terms, noise_px)
+    if agree.mean() < 0.8 or float(np.median(rms)) > _expected_rms(noise_px):
         _refuse_two_cameras(model, views, fit)
     if agree.sum() < max(LEAST_VIEWS, 0.5 * len(views)):
         agree = np.ones(len(views), bool)
@@ -107,7 +105,28 @@ def _without_outliers(
         for v, e, good in zip(views, rms, agree, strict=True)
         if not good
     ]
-    return [v for v, good in zip(views, agree, strict=True) if good], bad
+    used = [v for v, good in zip(views, agree, strict=True) if good]
+    return used, bad, (model, kept(fit, stacked(views), agree))
+
+
+def _agreeing(
+    views: Sequence[BoardView], board_m: Floats, terms: str, noise_px: float
+) -> tuple[Model, tuple[Fit, Bools, Floats]]:
+    """The model under which most views agree best, its robust fit, who agrees, and every view's RMS."""
+    choice = terms if terms != "auto" else "1" if len(views) < 5 else "5"
+    _, model = model_named(choice, board_m)
+    found = agreeing(model, views)
+    if terms == "auto" and float(np.median(found[2])) > _expected_rms(noise_px):
+        _, fisheye = model_named("fisheye", board_m)
+        other = agreeing(fisheye, views)
+        if float(np.median(other[2])) < 0.7 * float(np.median(found[2])):
+            return fisheye, other
+    return model, found
+
+
+def _expected_rms(noise_px: float) -> float:
+    """More than corners of this scatter should leave."""
+    return max(2.5 * noise_px, 0.05) if noise_px == noise_px else 0.3
 
 
 def _refuse_two_cameras(model: Model, views: Sequence[BoardView], fit: Fit) -> None:
@@ -128,13 +147,23 @@ def _refuse_two_cameras(model: Model, views: Sequence[BoardView], fit: Fit) -> N
     )
 
 
-def _best(corners: Corners, views: Sequence[BoardView], board_m: Floats, terms: str) -> Candidate:
+def _best(
+    corners: Corners,
+    views: Sequence[BoardView],
+    board_m: Floats,
+    terms: str,
+    noise: float,
+    start: tuple[Model, Fit],
+) -> Candidate:
+    """The asked-for lens model, or the one that predicts unseen views best."""
     size = views[0].image_size
+    model, fit = start
+    first = fit if model.lens == "pinhole" else None
     if terms != "auto":
-        return fitted(terms, corners, size, board_m)
+        return fitted(terms, corners, size, board_m, fit)
     if len(views) < 5:
-        return fitted("1", corners, size, board_m)
-    return automatic(corners, size, board_m, fitted("5", corners, size, board_m))
+        return fitted("1", corners, size, board_m, first)
+    return automatic(corners, size, board_m, fitted("5", corners, size, board_m, first), noise)
 
 
 def _diagnosed(best: Candidate, corners: Corners, noise: float, board: Board) -> tuple[Candidate, Diagnosis]:

@@ -150,7 +150,9 @@ def _inflation(pull: Floats, parts: Floats, S: Floats, sigma0: float) -> float:
     """
     if len(pull) < 4:
         return 1.0
-    root = np.linalg.cholesky(np.linalg.pinv(S, hermitian=True, rcond=1e-14) + 1e-18 * np.eye(len(S)))
+    values, vectors = np.linalg.eigh(S)
+    known = values > 1e-12 * values[-1]
+    root = vectors[:, known] / np.sqrt(values[known])
     white = root.T @ parts @ root
     expected = np.trace(white, axis1=1, axis2=2) - np.einsum("vij,vji->v", white, white)
     return float(np.sum((pull @ root) ** 2) / (sigma0**2 * expected.sum()))

@@ -16,7 +16,7 @@ from calibration.views import BoardView
 LEAST_TILT_DEG = 5.0
 ENOUGH_TILT_DEG = 15.0
 LEAST_AREA = 0.12
-ENOUGH_AREA = 0.5
+ENOUGH_AREA = 0.4
 ENOUGH_VIEWS = 8
 WORST_FOCAL_SIGMA = 0.02
 
@@ -124,9 +124,10 @@ def _unsure(projection_px: tuple[float, float], image_size: tuple[int, int]) -> 
     words = [
         f"directions are uncertain by {typical:.1f} px typically and {worst:.1f} px at worst (one sigma over the image)"
     ]
-    if typical > max(0.5, image_size[0] / 2000):
+    limit = max(1.0, image_size[0] / 1000)
+    if typical > limit:
         return words, []
-    return [], words if worst > max(1.0, image_size[0] / 1000) else []
+    return [], words if max(worst, 2 * typical) > limit else []
 
 
 def _few_views(count: int) -> list[str]:
