@@ -19,8 +19,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
-
 from pipeline.errors import GeometryError
 from pipeline.records import CameraInput, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.search_adjust import polish_polynomial
@@ -43,6 +41,10 @@ SAME_S = 0.25
 CLEAR = 4.6
 """Half chi-square by which the best candidate must beat the next: a likelihood ratio of 100."""
 WIDEST_STRETCH = 0.1
+FITS = 2.0
+"""Chi-square per equation (median frame) up to which polynomials of a guessed order are taken to fit."""
+SHORT_S = 60.0
+"""Tracks up to this long are tried with polynomials where the order of a motion is not known."""
 WEAK_S = 0.08
 """Sigma from which on an offset counts as weak."""
 NEAR_S = 10.0
@@ -74,8 +76,27 @@ def search_offsets(
     seen = views(problem)
     order = setting_order(problem, seen)
     priors = {c.camera: _prior(c, settings, problem.reference_camera) for c in problem.cameras}
-    cost = _cost_for(problem, seen)
-    beam = [Fit(clock={problem.reference_camera: (0.0, 1.0)}, cost=0.0)]
+    rates = {c.camera: c.frame_rate for c in problem.cameras}
+    costs = _costs(problem, seen)
+    for tried, cost in enumerate(costs):
+        found = _search(seen, order, priors, cost, progress)
+        if found[0].misfit <= FITS or tried == len(costs) - 1:
+            break
+    return tuple(_candidate(fit, rates, problem) for fit in found)
+
+
+CROSSING = _Cost(sweep=sweep, polish=polish_crossing)
+
+
+def _search(
+    seen: Mapping[str, View],
+    order: Sequence[str],
+    priors: Mapping[str, ClockPrior | None],
+    cost: _Cost,
+    progress: Progress | None,
+) -> list[Fit]:
+    """Whole hypotheses by one way to judge them, best first."""
+    beam = [Fit(clock={order[0]: (0.0, 1.0)}, cost=0.0)]
     others: list[tuple[str, Fit]] = []
     for done, name in enumerate(order[1:], start=1):
         beam = _extended(seen, priors, beam, name, cost)
@@ -83,20 +104,23 @@ def search_offsets(
         beam = _worth_carrying(beam)
         if progress is not None:
             progress(done / (len(order) - 1))
-    rates = {c.camera: c.frame_rate for c in problem.cameras}
-    found = _distinct([*beam, *_alternatives(beam[0], others, seen, priors, cost)], seen)[:KEPT]
-    return tuple(_candidate(fit, rates, problem) for fit in found)
+    return _distinct([*beam, *_alternatives(beam[0], others, seen, priors, cost)], seen)[:KEPT]
 
 
-CROSSING = _Cost(sweep=sweep, polish=polish_crossing)
+def _costs(problem: Problem, seen: Mapping[str, View]) -> list[_Cost]:
+    """Ways to judge clocks, in turn until one fits: fitted polynomials where that is how targets move, else crossing.
 
-
-def _cost_for(problem: Problem, seen: Mapping[str, View]) -> _Cost:
-    """Fitted polynomials where every target is one of a known order, else crossing rays."""
-    orders = {t.target: t.order for t in problem.targets if t.motion == "polynomial" and t.order != "auto"}
-    if len(orders) < len(problem.targets):
-        return CROSSING
-    return _polynomial_cost({t: int(k) for t, k in orders.items()})
+    A motion whose order the data shall say is tried as a parabola and as a polynomial of order four, if it is short.
+    """
+    if any(t.motion == "spline" for t in problem.targets):
+        return [CROSSING]
+    known = {t.target: 0 if t.order == "auto" else int(t.order) for t in problem.targets}
+    auto = [t.target for t in problem.targets if t.order == "auto"]
+    if not auto:
+        return [_polynomial_cost(known)]
+    if max((v.span_s[1] - v.span_s[0] for v in seen.values() if v.tracks), default=0.0) > SHORT_S:
+        return [CROSSING]
+    return [_polynomial_cost({**known, **dict.fromkeys(auto, k)}) for k in (2, 4)] + [CROSSING]
 
 
 def _polynomial_cost(orders: Mapping[str, int]) -> _Cost:
@@ -272,11 +296,12 @@ def _middle(fit: Fit, camera: str, seen: Mapping[str, View]) -> float:
 
 
 def _candidate(fit: Fit, rates: Mapping[str, float], problem: Problem) -> OffsetCandidate:
-    names = [c.camera for c in problem.cameras]
+    reference = problem.reference_camera
+    names = [c.camera for c in problem.cameras if c.camera != reference]
     return OffsetCandidate(
-        offset_s={n: fit.clock[n][0] for n in names},
-        frame_rate={n: rates[n] / fit.clock[n][1] for n in names},
-        cost=float(np.float64(fit.cost)),
+        offset_s={reference: 0.0, **{n: fit.clock[n][0] for n in names}},
+        frame_rate={reference: rates[reference], **{n: rates[n] / fit.clock[n][1] for n in names}},
+        cost=float(fit.cost),
     )
 
 

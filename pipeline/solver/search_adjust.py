@@ -13,7 +13,7 @@ between targets count with the pixel's small sigma. Frames whose chi-square is f
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,7 +82,8 @@ def polish_polynomial(
             break
     held = _held(setup, point)
     normal, _, cost = _normal(setup, point, held)
-    return _fit(setup, point, cost + sum(w.widening for w in held), normal)
+    fit = _fit(setup, point, cost + sum(w.widening for w in held), normal)
+    return replace(fit, misfit=_misfit(setup, point, held))
 
 
 def polynomial_information(
@@ -202,6 +203,16 @@ def _normal(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[Fl
         normal[np.ix_(columns, columns)] += gram[1:, 1:]
         right[columns] -= gram[1:, 0]
     return normal, right, cost
+
+
+def _misfit(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> float:
+    """Chi-square per equation of the median frame of the worst camera."""
+    worst = 0.0
+    for i, frames in enumerate(setup.frames):
+        white = held[i].inverse @ _design(setup, point, i, frames)[..., :1]
+        ratio = (white[..., 0] ** 2).sum(1) / np.maximum(2 * frames.present.sum(1), 1)
+        worst = max(worst, float(np.median(ratio)))
+    return worst
 
 
 def _columns(setup: _Setup, camera: int) -> Ints:

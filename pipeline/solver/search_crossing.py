@@ -48,12 +48,14 @@ class Fit:
     """Clocks (offset, stretch) of the cameras set so far, and their half chi-square.
 
     overlap  share of the sightings that have a partner in time
+    misfit   chi-square per equation of the median frame, where known; one where all is well
     sigma_s  of the common time of the middle of each camera's sightings, where known
     """
 
     clock: Mapping[str, tuple[float, float]]
     cost: float
     overlap: float = 1.0
+    misfit: float = 0.0
     sigma_s: Mapping[str, float] = field(default_factory=dict)
     tilt_rad: Mapping[str, Floats] = field(default_factory=dict)
     shift_m: Mapping[str, Floats] = field(default_factory=dict)
