@@ -49,11 +49,11 @@ def frame_times(results: Results, camera: str, frames: Ints) -> Floats:
     clock = next((c for c in results.solution.clocks if c.camera == camera), None)
     if clock is None:
         return np.full(len(frames), np.nan)
-    video = {int(f): t for k in results.tracks if k.camera == camera for f, t in zip(k.frame, k.time_s, strict=True)}
+    own = [k for k in results.tracks if k.camera == camera and len(k.frame)]
     even = np.asarray(frames, float) / clock.nominal_rate
-    if video:
-        known = np.array(sorted(video))
-        lead = np.array([video[f] for f in known]) - known / clock.nominal_rate
+    if own:
+        known, at = np.unique(np.concatenate([k.frame for k in own]), return_index=True)
+        lead = np.concatenate([k.time_s for k in own])[at] - known / clock.nominal_rate
         even = even + np.interp(frames, known, lead)
     return clock.common_time_s(even)
 

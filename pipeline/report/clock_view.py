@@ -74,7 +74,7 @@ def _drift(clock: Clock) -> Html:
 
 def _candidates(solution: Solution) -> Html:
     found = sorted(solution.offset_candidates, key=lambda c: c.cost)[:MOST]
-    if not found:
+    if len(found) < 2:
         return Html("")
     order = {c.camera: i for i, c in enumerate(solution.clocks)}
     names = sorted({n for c in found for n in c.offset_s}, key=lambda n: (order.get(n, len(order)), n))

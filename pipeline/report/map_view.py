@@ -106,16 +106,19 @@ def _map(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tuple[
     )
 
 
+def _has_sigmas(results: Results) -> bool:
+    return any(np.isfinite(t.covariance).any() for t in results.trajectories)
+
+
 def _spoken(sheet: Sheet) -> str:
     across, up = (rounded(side / sheet.scale, 3) for side in (sheet.width, sheet.height))
     return f"{across} m from west to east, {up} m from south to north."
 
 
 def _legend(results: Results) -> Html:
-    keys = [
-        key("camera line", "camera path, lines of sight along it"),
-        key("ell1", f"1{SIGMA}, 2{SIGMA}", "M4 6a8 5 0 1 0 16 0a8 5 0 1 0 -16 0Z"),
-    ]
+    keys = [key("camera line", "camera path, lines of sight along it")]
+    if _has_sigmas(results):
+        keys.append(key("ell1", f"1{SIGMA}, 2{SIGMA}", "M4 6a8 5 0 1 0 16 0a8 5 0 1 0 -16 0Z"))
     if results.truth is not None:
         keys.append(key("truth", "truth"))
     if not all(cast.well_known(results, t).all() for t in results.trajectories):
@@ -124,9 +127,10 @@ def _legend(results: Results) -> Html:
 
 
 def _caption(results: Results, sheet: Sheet, factor: int, every: float) -> str:
-    size = "at true size" if factor == 1 else f"drawn {factor} {TIMES} larger than they are"
+    size = "drawn at true size" if factor == 1 else f"drawn {factor} {TIMES} larger than they are"
+    ellipses = f"Ellipses of one and two sigma are {size}. " if _has_sigmas(results) else ""
     dots = f"Rings mark where a target starts, discs where it ends, small dots every {rounded(every, 1)} s."
-    words = f"Ellipses of one and two sigma are {size}. {dots}{cast.thinning_words(results, FIXES)}"
+    words = f"{ellipses}{dots}{cast.thinning_words(results, FIXES)}"
     if results.origin is None:
         return f"{words} East and north in metres from the local origin."
     corners = np.array([[0.0, sheet.height], [sheet.width, 0.0]]) / sheet.scale
@@ -258,7 +262,8 @@ def _scale_bar(sheet: Sheet) -> Html:
     words = tag(
         "text", f"{tick_words(step, 0 if step >= 1 else 2)} m", x=long / 2, y=-8, text_anchor="middle", class_="name"
     )
-    return tag("g", bar, words, transform=f"translate(44 {y:.0f})")
+    back = tag("rect", x=-8, y=-24, width=long + 16, height=30, class_="frame clear")
+    return tag("g", back, bar, words, transform=f"translate(44 {y:.0f})")
 
 
 def _north_arrow(sheet: Sheet) -> Html:

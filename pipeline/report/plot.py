@@ -37,7 +37,7 @@ def panel(
     *,
     width: int = 440,
     height: int = 230,
-    left: int = 52,
+    left: int = 58,
     log_y: bool = False,
     log_x: bool = False,
     equal: bool = False,
@@ -121,7 +121,7 @@ def chart(
     clipped = tag("svg", *marks, width=w, height=h, overflow="hidden")
     names = [
         tag("text", x_label, x=w / 2, y=h + 34, class_="name", text_anchor="middle"),
-        tag("text", y_label, transform=f"translate({-p.left + 12} {h / 2:.0f}) rotate(-90)", class_="name middle"),
+        tag("text", y_label, transform=f"translate({-p.left + 9} {h / 2:.0f}) rotate(-90)", class_="name middle"),
     ]
     body = tag("g", *grid, clipped, *names, *over, transform=f"translate({p.left} {p.top})")
     moment: dict[str, Any] = {}

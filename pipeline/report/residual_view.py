@@ -130,7 +130,7 @@ def _by_target(results: Results, rows: Ints) -> list[tuple[str, Ints]]:
 
 def _over_image(results: Results, camera: str, rows: Ints) -> Html:
     width, height = results.image_size.get(camera, (1, 1))
-    p = panel((0.0, float(width)), (-float(height), 0.0), width=SIDE, height=HIGH, left=46, equal=True)
+    p = panel((0.0, float(width)), (-float(height), 0.0), width=SIDE, height=HIGH, left=50, equal=True)
     sightings = results.solution.sightings
     rows = rows[cast.thinned(len(rows), ARROWS)]
     lengths = np.linalg.norm(sightings.residual_px[rows], axis=1)
@@ -166,7 +166,7 @@ def _observed(results: Results, camera: str, target: str, rows: Ints) -> Floats:
 
 
 def _cloud(results: Results, rows: Ints, reach: float, sigma_px: float) -> Html:
-    p = panel((-reach, reach), (-reach, reach), width=SIDE, height=HIGH, left=46, equal=True)
+    p = panel((-reach, reach), (-reach, reach), width=SIDE, height=HIGH, left=50, equal=True)
     marks = []
     held = np.clip(results.solution.sightings.residual_px, -reach, reach)
     for target, at in _by_target(results, rows):
@@ -185,7 +185,7 @@ def _ring(p: Panel, radius: float) -> Html:
 
 def _over_time(results: Results, rows: Ints, reach: float) -> Html:
     sightings = results.solution.sightings
-    p = panel(cast.time_span(results), (-reach, reach), width=SIDE, height=HIGH, left=46)
+    p = panel(cast.time_span(results), (-reach, reach), width=SIDE, height=HIGH, left=50)
     marks = [level(p, 0.0)]
     for target, at in _by_target(results, rows):
         held = np.clip(sightings.residual_px[at], -reach, reach)
@@ -206,8 +206,8 @@ def _histogram(sightings: Sightings, rows: Ints) -> Html:
     share = np.histogram(np.minimum(size, reach * 0.999), edges)[0] / max(len(size), 1) / (edges[1] - edges[0])
     at = np.linspace(0, reach, 80)
     expected = at * np.exp(-(at**2) / 2)
-    p = panel((0.0, reach), span(np.zeros(1), share, expected), width=SIDE, height=HIGH, left=46)
-    p = panel((0.0, reach), (0.0, p.y.high), width=SIDE, height=HIGH, left=46)
+    p = panel((0.0, reach), span(np.zeros(1), share, expected), width=SIDE, height=HIGH, left=50)
+    p = panel((0.0, reach), (0.0, p.y.high), width=SIDE, height=HIGH, left=50)
     steps = np.stack([np.repeat(edges, 2), np.concatenate([[0.0], np.repeat(share, 2), [0.0]])], axis=1)
     marks = [
         tag("path", d=path(points(p, steps[:, 0], steps[:, 1]), closed=True), class_="bars"),

@@ -177,7 +177,9 @@ const makeSpace = (canvas, flight) => {
     lines(chain(target.p).map((pair) => pair.map(([e, n]) => [e, n, ground])), tint.soft, 1.5, 0.25);
     if (show.uncertainty) tube(target, colour);
     if (show.truth && target.truth.length) lines(chain(target.truth), tint.ink, 1.2, 0.9, [5, 4]);
-    lines(sure, colour, 2.2);
+    const long = flight.time[1] - flight.time[0] > 90;
+    lines(sure, colour, long ? 1.4 : 2.2, long ? 0.45 : 1);
+    if (long) lines(chain(target.p.filter((_, i) => target.t[i] <= now && target.t[i] >= now - 20)), colour, 3);
     lines(guessed, colour, 1.3, 0.7, [1, 4]);
     disc(target.p[0], colour, 4, true);
     const place = placeOf(target, now);
@@ -218,12 +220,12 @@ const makeSpace = (canvas, flight) => {
   const zoom = (factor) => { eye.distance = Math.min(1e7, Math.max(0.5, eye.distance * factor)); };
 
   const fingers = new Map();
-  canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, [e.offsetX, e.offsetY]); });
+  canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, [e.clientX, e.clientY]); });
   for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (e) => fingers.delete(e.pointerId));
   canvas.addEventListener("pointermove", (e) => {
     const from = fingers.get(e.pointerId);
     if (!from) return;
-    const to = [e.offsetX, e.offsetY], [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+    const to = [e.clientX, e.clientY], [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     if (fingers.size > 1) {
       const other = [...fingers].find(([id]) => id !== e.pointerId)[1];
       const gap = (p) => Math.max(Math.hypot(p[0] - other[0], p[1] - other[1]), 10);
@@ -261,7 +263,7 @@ const makeSpace = (canvas, flight) => {
   views.all();
   draw();
   return {
-    words: () => `Grid of ${step} m` + (flight.enlarge > 1 ? `; uncertainty (1\u03c3, 2\u03c3) drawn ${flight.enlarge} \u00d7 larger.` : "; uncertainty (1\u03c3, 2\u03c3) at true size."),
+    words: () => (flight.time[1] - flight.time[0] > 90 ? "The last 20 s are bold. " : "") + `Grid of ${step} m` + (flight.enlarge > 1 ? `; uncertainty (1\u03c3, 2\u03c3) drawn ${flight.enlarge} \u00d7 larger.` : "; uncertainty (1\u03c3, 2\u03c3) at true size."),
     setTime: (time) => { now = time; redraw(); },
     setView: (name) => { views[name](); redraw(); },
     setShown: (name, on) => { show[name] = on; redraw(); },

@@ -43,7 +43,8 @@ def verdict(results: Results) -> tuple[Grade, str]:
     solution = results.solution
     seen = f"{counted(len(results.trajectories), 'target')}, {counted(len(cast.cameras(results)), 'camera')}"
     if solution.status == "converged":
-        return "good", f"Converged: {seen}; {_positions(results)}.{_offsets(solution)}"
+        sure = any(math.isfinite(s) for s in typical_sigma_m(results).values())
+        return "good" if sure else "care", f"Converged: {seen}; {_positions(results)}.{_offsets(solution)}"
     stopped = {"iteration-limit": f"after {counted(solution.iterations, 'iteration')}", "stalled": "without progress"}
     why = stopped.get(solution.status, "")
     return (
@@ -66,7 +67,7 @@ def _positions(results: Results) -> str:
 
 def _offsets(solution: Solution) -> str:
     reference = reference_clock(solution)
-    moved = [c for c in solution.clocks if c is not reference and c.offset_sigma_s > 0]
+    moved = [c for c in solution.clocks if c is not reference and c.offset_sigma_s != 0]
     if reference is None or not moved:
         return ""
     parts = [_start(c, reference.camera, i == 0) for i, c in enumerate(moved[:3])]
@@ -199,7 +200,7 @@ def _tiles(results: Results) -> Html:
     facts = [
         (rounded(end - start, 3), "s", "of flight"),
         (whole(len(solution.sightings.frame)), "", "sightings used"),
-        (whole(solution.iterations), "", f"iterations of {solution.method}"),
+        (whole(solution.iterations), "", f"iteration{'s' * (solution.iterations != 1)} of {solution.method}"),
     ]
     ratio = reduced_chi_square(solution)
     if math.isfinite(ratio):

@@ -8,7 +8,7 @@ from calibration.arrays import Floats
 from pipeline.records import Motion, Results, Trajectory
 from pipeline.report import cast
 from pipeline.report.axes import span
-from pipeline.report.blocks import figure, key, target_legend
+from pipeline.report.blocks import figure, key, note, target_legend
 from pipeline.report.markup import Html, tag
 from pipeline.report.plot import Panel, band, chart, known_line, line, panel
 from pipeline.report.spells import times_seen
@@ -75,6 +75,8 @@ def _speed(results: Results, tracks: list[Trajectory]) -> Html:
 def uncertainty_figure(results: Results) -> Html:
     """One panel for each target: sigma of the horizontal and vertical position, plain and cluster-robust."""
     tracks = [cast.thin_trajectory(t, SAMPLES) for t in results.trajectories if len(t.time_s)]
+    if not any(np.isfinite(_plain_covariance(results, t)).any() for t in tracks):
+        return note("The uncertainty of the positions is unknown: the solver gave no covariance.")
     robust = {m.target: m for m in results.solution.motions_robust}
     panels = [_sigma_panel(results, t, robust.get(t.target)) for t in tracks]
     keys = [key("line", f"horizontal (root of east{chr(0xB2)} + north{chr(0xB2)})"), key("line up", "up")]

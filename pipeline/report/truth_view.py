@@ -118,7 +118,7 @@ def _error_panel(results: Results, track: Trajectory, known: Trajectory) -> Html
     error = np.linalg.norm(track.position_enu_m - true, axis=1)
     sigma = track.sigma_m
     good = sigma[np.isfinite(sigma)]
-    usual = 4 * float(np.median(good)) if len(good) else 0.0
+    usual = 2.4 * float(np.median(good)) if len(good) else 0.0
     sure = cast.well_known(results, track)
     seen = error[sure & np.isfinite(error)]
     top = max(float(seen.max(initial=0.0)) * 1.1, usual, 1e-3)

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 
 MINUS, PLUS_MINUS, TIMES, DASH, SIGMA = "\u2212", "\u00b1", "\u00d7", "\u2013", "\u03c3"
 NARROW = "\u202f"
+RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 UNKNOWN = "unknown"
 
 
@@ -18,8 +19,8 @@ def rounded(value: float, digits: int = 2) -> str:
     if value == 0:
         return "0"
     power = math.floor(math.log10(abs(value)))
-    if not -5 <= power <= 6:
-        return _signed(f"{value:.{max(digits - 1, 0)}e}")
+    if not -5 <= power <= 9:
+        return _signed(f"{value / 10.0**power:.{max(digits - 1, 0)}f} {TIMES} 10{str(power).translate(RAISED)}")
     places = max(digits - 1 - power, 0)
     return _signed(f"{value:,.{places}f}".replace(",", NARROW))
 
@@ -43,14 +44,14 @@ def sigma_places(sigma: float) -> int:
 
 
 def plus_minus(value: float, sigma: float, unit: str = "") -> str:
-    """ "1.600 +- 0.004 s"; a sigma of zero means held, NaN means unknown."""
+    """ "1.600 +- 0.004 s"; a sigma of zero means held; where it is unknown, a question mark."""
     tail = f"\u00a0{unit}" if unit else ""
     if not math.isfinite(value):
         return UNKNOWN
     if sigma == 0:
         return f"{rounded(value, 6) if value else '0'}{tail}"
     if not math.isfinite(sigma) or sigma < 1e-12:
-        return f"{rounded(value, 4)}{tail}"
+        return f"{rounded(value, 5)} {PLUS_MINUS} ?{tail}"
     places = sigma_places(sigma)
     if places > 9:
         return f"{rounded(value, 4)}{tail} {PLUS_MINUS} {rounded(sigma)}"

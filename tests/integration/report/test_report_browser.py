@@ -58,6 +58,55 @@ def test_a_script_that_fails_would_be_noticed(report, tmp_path):
     assert 'data-ready="true"' not in page
 
 
+EVEN_FRAMES = "<script>window.requestAnimationFrame = (go) => setTimeout(() => go(performance.now()), 16);</script>"
+USE_IT = """
+<script>
+const canvas = document.getElementById("space"), slider = document.getElementById("moment");
+const chart = document.querySelector("svg[data-t0]"), done = [];
+const look = () => canvas.toDataURL();
+const wait = () => new Promise((go) => setTimeout(go, 60));
+const point = (kind, x, y) =>
+  canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, clientX: x, clientY: y, bubbles: true }));
+canvas.setPointerCapture = () => {};
+const steps = {
+  slider: () => { slider.value = 6; slider.dispatchEvent(new Event("input")); },
+  drag: () => { point("pointerdown", 300, 300); point("pointermove", 360, 330); point("pointerup", 360, 330); },
+  key: () => canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" })),
+  wheel: () => { canvas.focus(); canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: 120, cancelable: true })); },
+  above: () => document.querySelector('[data-view="top"]').click(),
+  targets: () => document.querySelector('[data-view="targets"]').click(),
+  hide: () => document.querySelector('[data-show="uncertainty"]').click(),
+};
+(async () => {
+  await wait();
+  for (const [name, step] of Object.entries(steps)) {
+    const before = look();
+    step();
+    await wait();
+    if (look() !== before) done.push(name);
+  }
+  const box = chart.getBoundingClientRect();
+  chart.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + box.width / 2, clientY: box.top + 50 }));
+  const at = chart.querySelector(".moment").getAttribute("x1"), dot = document.querySelector(".map .now");
+  const words = [...done, +slider.value, at > 0, dot.getAttribute("cx") > 0].join(" ");
+  document.documentElement.setAttribute("data-used", words);
+})();
+</script>
+"""
+
+
+def test_slider_mouse_and_keys_move_the_page(report, tmp_path):
+    used = tmp_path / "used.html"
+    text = report.read_text(encoding="utf-8")
+    used.write_text(text.replace("<body>", "<body>" + EVEN_FRAMES).replace("</body>", USE_IT + "</body>"))
+    page, console = browse(used, tmp_path / "profile", "--dump-dom")
+    assert console == ""
+    words = re.search(r'data-used="([^"]*)"', page)[1].split()
+    assert words[:7] == ["slider", "drag", "key", "wheel", "above", "targets", "hide"]
+    assert 3 < float(words[7]) < 5.5
+    assert words[8:] == ["true", "true"]
+
+
 @pytest.mark.parametrize("width", [1280, 400])
 def test_something_is_drawn(report, tmp_path, width):
     shot = tmp_path / "shot.png"

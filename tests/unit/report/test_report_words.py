@@ -16,7 +16,7 @@ from pipeline.report.words import NARROW, counted, degrees_of_place, fixed, list
         (1234.56, 77.0, f"1{NARROW}230 \u00b1 80"),
         (0.5, 0.0, "0.500000"),
         (0.0, 0.0, "0"),
-        (2.0, math.nan, "2.000"),
+        (2.0, math.nan, "2.0000 \u00b1 ?"),
         (math.nan, 1.0, "unknown"),
         (-0.0004, 0.01, "0.000 \u00b1 0.010"),
     ],
@@ -27,7 +27,14 @@ def test_value_and_sigma_share_their_digits(value, sigma, words):
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(0.4444, "0.44"), (21.3, "21"), (213.0, "213"), (0, "0"), (math.inf, "unknown"), (1e-9, "1.0e\u221209")],
+    [
+        (0.4444, "0.44"),
+        (21.3, "21"),
+        (213.0, "213"),
+        (0, "0"),
+        (math.inf, "unknown"),
+        (1.2e-9, "1.2 \u00d7 10\u207b\u2079"),
+    ],
 )
 def test_significant_digits(value, words):
     assert rounded(value) == words
