@@ -22,7 +22,7 @@ from pipeline.tracking.coarse import Coarse, look, start_coarse
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import best_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Template, Warp, adapted, contrasted, first_template, sample
+from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS = 2  # frames after a find that must agree with it
@@ -32,6 +32,9 @@ TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), 
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
+MAY_HAVE_STOPPED_S = 5.0
+NEW_SCORE = 0.42
+LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, SIGMA_SCALE = 0.05, 1.0
 
@@ -128,11 +131,11 @@ def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple
         target = replace(target, coarse=coarse)
     if start is not None:
         found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
-        if _holds(target, found, settings.accept_score, TO_FOLLOW):
+        if _holds(target, found, _least(target, settings), TO_FOLLOW):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
     near = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
-    if near is not None and _holds(target, near, settings.accept_score, TO_FOLLOW):
+    if near is not None and _holds(target, near, _least(target, settings), TO_FOLLOW):
         return replace(target, coarse=None), near
     return target, None
 
@@ -151,6 +154,8 @@ def _searched(
     found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
     if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
         return target, ()
+    if target.lost_s < MAY_HAVE_STOPPED_S and _part_of_scene(target, found, scene):
+        return target, ()
     target = replace(target, hidden=False, coarse=None)
     return replace(_learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found),)), ()
 
@@ -162,6 +167,11 @@ def _in_view(course: Course, image: Image) -> bool:
     return bool(-slack < x < width + slack and -slack < y < height + slack)
 
 
+def _least(target: Followed, settings: TrackingSettings) -> float:
+    """The score to be followed; a new target's first look is noisy and holds some of what is behind it."""
+    return min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
+
+
 def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
     """Verification: it looks like the target, most of it is there, and it is where it can be."""
     size = float(np.sqrt(np.prod(target.template.size_px)))
@@ -169,7 +179,11 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
     gate = GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
     seen = np.array([found.score, found.agreeing])
     return (
-        bool(np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - slack)))
+        bool(
+            np.all(
+                seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
+            )
+        )
         and found.inside >= LEAST_INSIDE
         and bool(np.hypot(*(found.warp.centre_px - target.course.position_px)) < gate)
         and 0.7 < scale / np.sqrt(abs(np.linalg.det(target.linear))) < 1.4
@@ -209,18 +223,36 @@ def _learned(
 
 def _set_apart(template: Template, target: Followed, found: Alignment, scene: Scene, rate: float) -> Template:
     """Compares the target with the same ground in an earlier frame, from before the target was there."""
+    difference = _difference_from_scene(target, found, scene, LEAST_AWAY_PX)
+    return template if difference is None else contrasted(template, difference, rate)
+
+
+def _part_of_scene(target: Followed, found: Alignment, scene: Scene) -> bool:
+    """Whether what was found was already there when a target of this speed would have been elsewhere."""
+    difference = _difference_from_scene(target, found, scene, 1.5 * LEAST_AWAY_PX)
+    if difference is None:
+        return False
+    trust = target.template.trust
+    return float((trust * difference).sum()) < float((trust * found.residual).sum())
+
+
+def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> Pixels | None:
+    """Squared difference (h, w) of what was found from the same ground in an earlier frame.
+
+    least_px  that the target must have moved since; None where it has not, or the ground was not in view
+    """
     speed = float(np.hypot(*target.course.velocity)) * scene.dt_s
-    size = float(np.sqrt(np.prod(template.size_px) * abs(np.linalg.det(found.warp.linear))))
-    away = [key for key in scene.keys if speed * key.age >= min(2.0, 0.5 * size)]
-    if not away:
-        return template
+    size = float(np.sqrt(np.prod(target.template.size_px) * abs(np.linalg.det(found.warp.linear))))
+    away = [key for key in scene.keys if speed * key.age >= min(least_px, 0.5 * size)]
+    if not away or found.inside < 1.0:
+        return None
     key = next((key for key in away if speed * key.age >= size), away[-1])
     then, jacobian = moved(np.asarray(np.linalg.inv(key.cur_from_key)), found.warp.centre_px)
+    if not _inside_image(then, key.pixels):
+        return None
     behind = Warp(linear=jacobian @ found.warp.linear, centre_px=then)
-    if found.inside < 1.0 or not _inside_image(then, key.pixels):
-        return template
-    ground = sample(key.pixels, behind, template.shape, template.step_px)
-    return contrasted(template, ((ground - found.raw) ** 2).mean(axis=2), rate)
+    ground = sample(key.pixels, behind, target.template.shape, target.template.step_px)
+    return np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
 
 
 def _inside_image(point_px: Floats, image: Image) -> bool:

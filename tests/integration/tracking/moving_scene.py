@@ -74,11 +74,11 @@ def scene(
         rotate = np.array([[c, -s, 0], [s, c, 0], [lean[f, 0], lean[f, 1], 1.0]])
         maps.append(np.array([[1, 0, width / 2], [0, 1, height / 2], [0, 0, 1.0]]) @ rotate @ centre)
     image_from_ground = np.array(maps)
-    cars, bridges = [], []
-    for i, length in enumerate(lengths):
-        cars.append(_car(rng, f"car{i + 1}", length, image_from_ground, size, i, len(lengths), speed))
-        if hidden[i]:
-            bridges.append(_bridge(rng, cars[-1], hidden[i]))
+    cars = [
+        _plausible_car(rng, f"car{i + 1}", length, image_from_ground, size, i, len(lengths), speed)
+        for i, length in enumerate(lengths)
+    ]
+    bridges = [_free_bridge(rng, cars, i, hidden[i]) for i in range(len(cars)) if hidden[i]]
     ground, corner = _ground(rng, image_from_ground, size)
     return Scene(
         size=size,
@@ -94,11 +94,23 @@ def scene(
     )
 
 
+def _plausible_car(rng, name, length, maps, size, *more) -> Car:
+    """A car that neither turns on the spot nor flies nor leaves the image; the last try where none is found."""
+    for _ in range(60):
+        car = _car(rng, name, length, maps, size, *more)
+        speed = np.hypot(*np.gradient(car.place, axis=0).T).max() / car.size[0] * 25
+        turn = np.abs(np.gradient(car.heading)).max() * 25
+        outline = np.concatenate([_placed(maps[f], car, f) for f in range(0, len(maps), 5)])
+        inside = bool(np.all(outline > 4) and np.all(outline < np.array(size) - 4))
+        if speed < 8 and turn < np.radians(30) and inside:
+            break
+    return car
+
+
 def _car(rng, name, length, maps, size, index, count, speed) -> Car:
     frames = len(maps)
     width, height = size
     spot = np.array([width * (0.3 + 0.4 * rng.random()), height * (index + 0.7) / (count + 0.4)])
-    middle = _apply(np.linalg.inv(maps[frames // 2]), spot)
     # keep the car in view: it drives with the camera, plus its own motion
     follow = np.array([_apply(np.linalg.inv(m), spot) for m in maps])
     drift = rng.normal(size=2) * speed * 0.25 * frames / 2
@@ -106,11 +118,14 @@ def _car(rng, name, length, maps, size, index, count, speed) -> Car:
     curve = rng.normal(size=2) * 10
     smooth_follow = np.column_stack([np.polyval(np.polyfit(u, follow[:, k], 3), u) for k in range(2)])
     place = smooth_follow + u[:, None] * drift + np.cos(2.5 * u)[:, None] * curve
-    del middle
     velocity = np.gradient(place, axis=0)
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
     return Car(
-        name=name, look=_look(rng, length), place=place, heading=np.unwrap(heading), size=(length, length * rng.uniform(0.45, 0.65))
+        name=name,
+        look=_look(rng, length),
+        place=place,
+        heading=np.unwrap(heading),
+        size=(length, length * rng.uniform(0.45, 0.65)),
     )
 
 
@@ -129,6 +144,17 @@ def _look(rng, length) -> np.ndarray:
     look = np.clip(look, 0, 255)
     alpha = np.full((h, w, 1), 255.0)
     return np.concatenate([look, alpha], axis=2).astype(np.float32)
+
+
+def _free_bridge(rng, cars: list[Car], own: int, hidden: int) -> np.ndarray:
+    """A bridge over one car that leaves the others in view, where there is one."""
+    for _ in range(30):
+        bridge = _bridge(rng, cars[own], hidden)
+        polygon = bridge.astype(np.float32).reshape(-1, 1, 2)
+        others = [(car, f) for i, car in enumerate(cars) if i != own for f in range(0, len(car.place), 4)]
+        if all(cv2.pointPolygonTest(polygon, tuple(map(float, c.place[f])), True) < -c.size[0] for c, f in others):
+            break
+    return bridge
 
 
 def _bridge(rng, car: Car, hidden: int) -> np.ndarray:
@@ -176,9 +202,16 @@ def image_from_car(scene: Scene, car: Car, f: int) -> np.ndarray:
 
 
 def _outline(scene: Scene, car: Car, f: int) -> np.ndarray:
+    return _placed(scene.image_from_ground[f], car, f)
+
+
+def _placed(image_from_ground: np.ndarray, car: Car, f: int) -> np.ndarray:
+    """The corners of a car in the image, (4, 2)."""
     length, width = car.size
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * np.array([length, width]) / 2
-    return np.array([_apply(image_from_car(scene, car, f), c) for c in corners])
+    c, s = np.cos(car.heading[f]), np.sin(car.heading[f])
+    ground = corners @ np.array([[c, s], [-s, c]]) + car.place[f]
+    return np.array([_apply(image_from_ground, p) for p in ground])
 
 
 def first_box(scene: Scene, car: Car, f: int = 0, slack: float = 0.0) -> Box:
@@ -215,7 +248,11 @@ def render(scene: Scene) -> Iterator[np.ndarray]:
     noise = rng.normal(0, scene.noise, (scene.size[1] + 64, scene.size[0] + 64, 3)).astype(np.float32)
     for f in range(scene.frames):
         image = cv2.warpPerspective(
-            scene.ground, scene.image_from_ground[f] @ shift, scene.size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+            scene.ground,
+            scene.image_from_ground[f] @ shift,
+            scene.size,
+            flags=cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REFLECT,
         )
         for car in scene.cars:
             _draw(image, scene, car, f)
