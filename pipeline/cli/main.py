@@ -36,7 +36,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.cli.console import Console
 
     console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json)
-    module = {"calibrate": "calibrate", "demo": "demo"}.get(arguments.command, "flights")
+    module = {"calibrate": "calibrate", "demo": "demo", "experiment": "experiment"}.get(arguments.command, "flights")
     try:
         action = importlib.import_module(f"pipeline.cli.{module}")
         code: int = action.run(arguments, console)

@@ -28,6 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     ):
         _flight_command(commands, name, what)
     _demo(commands)
+    _experiment(commands)
     return parser
 
 
@@ -75,3 +76,16 @@ def _demo(commands: Commands) -> None:
     parser = _command(commands, "demo", "render a flight with its truth, run it, compare", "runningfix demo -o demo/")
     parser.add_argument("-o", "--output", default=Path("demo"), type=Path, metavar="demo/", help=OUT_HELP)
     parser.add_argument("--seed", type=int, default=7, help="of the rendered flight (default 7)")
+
+
+def _experiment(commands: Commands) -> None:
+    parser = _command(
+        commands, "experiment", "the paper's tables and figures, flown again with our methods beside the paper's",
+        "runningfix experiment accuracy --runs 1000 --jobs 2 -o experiments/",
+    )  # fmt: skip
+    parser.add_argument("name", metavar="NAME", help="of the experiment; 'list' names them, 'all' flies them all")
+    parser.add_argument("--runs", type=int, default=1000, help="flights for every cell (default 1000)")
+    parser.add_argument("--seed", type=int, default=1, help="of the flights (default 1)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2); the numbers do not depend on it")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="fly on a Dask cluster instead (extra 'cluster')")
+    parser.add_argument("-o", "--output", default=Path("experiments"), type=Path, metavar="experiments/", help=OUT_HELP)

@@ -1,0 +1,90 @@
+"""`runningfix experiment`: the paper's tables and figures, flown again."""
+
+from __future__ import annotations
+
+import math
+import time
+from argparse import Namespace
+from collections.abc import Mapping
+from typing import Any
+
+from pipeline.cli.console import Console
+from pipeline.errors import UsageError
+from pipeline.experiments import (
+    EXPERIMENTS,
+    Entry,
+    Outcome,
+    cluster,
+    experiment_named,
+    processes,
+    run_experiment,
+    write_outcome,
+)
+
+LIST, ALL = "list", "all"
+
+
+def run(arguments: Namespace, console: Console) -> int:
+    """Lists, or flies one experiment or all of them, and says where the pages are."""
+    if arguments.name == LIST:
+        rows = {name: experiment_named(name) for name in EXPERIMENTS}
+        text = "\n".join(f"{name:<14}{e.paper or 'ours':<20}{e.title}" for name, e in rows.items())
+        summary = {n: {"paper": e.paper, "title": e.title, "cells": len(e.cells)} for n, e in rows.items()}
+        console.result({"status": "ok", "command": "experiment", "experiments": summary}, text)
+        return 0
+    for option, value in (("--runs", arguments.runs), ("--jobs", arguments.jobs)):
+        if value < 1:
+            raise UsageError(where=option, seen=str(value), expected="1 or more", advice=f"{option} 2")
+    names = list(EXPERIMENTS) if arguments.name == ALL else [experiment_named(arguments.name).name]
+    workers = cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs)
+    found: list[Outcome] = []
+    files: list[str] = []
+    seconds: dict[str, float] = {}
+    for name in names:
+        began = time.perf_counter()
+        outcome = run_experiment(
+            name, runs=arguments.runs, seed=arguments.seed, workers=workers, progress=console.progress
+        )
+        files += write_outcome(outcome, arguments.output)
+        seconds[name] = round(time.perf_counter() - began, 3)
+        found.append(outcome)
+    result: dict[str, Any] = {
+        "status": "ok", "command": "experiment", "runs": arguments.runs, "seed": arguments.seed, "seconds": seconds,
+        "files": files, "entries": [_row(o, e) for o in found for e in o.entries],
+    }  # fmt: skip
+    shown = "\n\n".join(_table(o) for o in found)
+    pages = "\n".join(f"look at {arguments.output / f}" for f in files if f.endswith(".html"))
+    console.result(result, f"{shown}\n\n{pages}")
+    return 0
+
+
+def _row(outcome: Outcome, e: Entry) -> Mapping[str, Any]:
+    row: dict[str, Any] = {
+        "experiment": outcome.experiment.name,
+        "cell": dict(outcome.experiment.cells[e.cell].values),
+        "approach": outcome.experiment.approaches[e.approach].name,
+        "solved": e.solved,
+        "against_reference": e.against_reference(),
+    }
+    figures = {
+        "error_m": e.error_m.mean, "standard_error_m": e.error_m.error, "bound_m": e.bound_m,
+        "rms_over_bound": e.over_bound, "nees": e.nees.mean, "published": e.published,
+    }  # fmt: skip
+    return row | {k: (v if math.isfinite(v) else None) for k, v in figures.items()}
+
+
+def _table(outcome: Outcome) -> str:
+    """For people: every cell and approach in one line."""
+    e = outcome.experiment
+    names = f"{'cell':<44}{'approach':<32}{'error m':>10}{'+-':>8}{'bound':>9}{'rms/bound':>11}{'paper':>9}"
+    lines = [f"{e.name}: {e.title}", names]
+    for entry in outcome.entries:
+        cell = ", ".join(f"{k} {v}" for k, v in e.cells[entry.cell].values.items())
+        figures = (entry.error_m.mean, entry.error_m.error, entry.bound_m, entry.over_bound, entry.published)
+        texts = [f"{v:.4g}" if math.isfinite(v) else "" for v in figures]
+        mark = {"worse": "", "better": "  better than " + e.reference, "equal": "", "": ""}[entry.against_reference()]
+        lines.append(
+            f"{cell:<44}{e.approaches[entry.approach].name:<32}{texts[0]:>10}{texts[1]:>8}{texts[2]:>9}{texts[3]:>11}"
+            f"{texts[4]:>9}{mark}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,23 @@
+"""The paper's experiments, flown again with this project's methods beside the paper's.
+
+An experiment is data (`declare`): scenes, noise, approaches, published figures, and how its page looks. One runner
+flies it on any number of processes with the same numbers, one measure holds every answer against the truth, and the
+Cramer-Rao bound, computed apart from the solver, stands beside every cell.
+"""
+
+from pipeline.experiments.catalogue import EXPERIMENTS, experiment_named
+from pipeline.experiments.cluster import cluster
+from pipeline.experiments.run import run_experiment, write_outcome
+from pipeline.experiments.runner import processes
+from pipeline.experiments.summary import Entry, Outcome
+
+__all__ = [
+    "EXPERIMENTS",
+    "Entry",
+    "Outcome",
+    "cluster",
+    "experiment_named",
+    "processes",
+    "run_experiment",
+    "write_outcome",
+]

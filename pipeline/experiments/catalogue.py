@@ -1,0 +1,45 @@
+"""All experiments by name, each built when it is asked for."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from functools import cache
+
+from pipeline.errors import UsageError
+from pipeline.experiments import (
+    basic_experiments,
+    clock_experiments,
+    count_experiments,
+    limit_experiments,
+    rotation_experiments,
+)
+from pipeline.experiments.declare import Experiment
+
+EXPERIMENTS: dict[str, Callable[[], Experiment]] = {
+    "offset": clock_experiments.offset,
+    "accuracy": clock_experiments.accuracy,
+    "frame-rate": clock_experiments.frame_rate,
+    "speed": clock_experiments.speed,
+    "rotation": rotation_experiments.rotation,
+    "long-range": rotation_experiments.far,
+    "synchronised": basic_experiments.synchronised,
+    "monocular": basic_experiments.monocular,
+    "occlusion": count_experiments.occlusion,
+    "targets": count_experiments.targets,
+    "cameras": count_experiments.cameras,
+    "bound": limit_experiments.bound,
+    "priors": limit_experiments.priors,
+}
+
+
+@cache
+def experiment_named(name: str) -> Experiment:
+    """The experiment of that name. Raises UsageError where there is none."""
+    if name not in EXPERIMENTS:
+        near = difflib.get_close_matches(name, EXPERIMENTS, n=1)
+        raise UsageError(
+            where="experiment", seen=f"{name!r}", expected="one of " + ", ".join(EXPERIMENTS),
+            advice=f"'{near[0]}'" if near else "runningfix experiment list",
+        )  # fmt: skip
+    return EXPERIMENTS[name]()

@@ -1,0 +1,107 @@
+"""One run of one cell: a flight drawn from its own seed, and every approach's answer measured against the truth."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from calibration.arrays import Bools, Floats, Ints
+from pipeline.errors import GeometryError
+from pipeline.experiments.declare import Approach, Cell, Experiment, Spell
+from pipeline.experiments.li_rounds import solve_li
+from pipeline.experiments.measure import MEASURES, measure
+from pipeline.records import CameraInput, Problem, Solution, Truth
+from pipeline.solver import solve
+from pipeline.synthetic.scene import Scene
+from pipeline.synthetic.simulate import simulate
+
+
+def run_seed(experiment: str, cell: int, run: int, seed: int) -> int:
+    """The seed of one run: of what is flown alone, not of who flies it or when."""
+    key = (zlib.crc32(experiment.encode()), cell, run)
+    low, high = np.random.SeedSequence(seed, spawn_key=key).generate_state(2)
+    return int(low) + (int(high) << 32)
+
+
+@lru_cache(maxsize=4)
+def cell_scene(cell: Cell) -> Scene:
+    """The scene of a cell, built once per process."""
+    return cell.scene()
+
+
+def flown(experiment: Experiment, cell: int, run: int, seed: int) -> tuple[Problem, Truth, Scene]:
+    """What the solver is asked in one run, and what is true."""
+    what = experiment.cells[cell]
+    scene = cell_scene(what)
+    problem, truth = simulate(scene, noise=what.noise, seed=run_seed(experiment.name, cell, run, seed))
+    return without_hidden(problem, what.hidden), truth, scene
+
+
+def without_hidden(problem: Problem, spells: Sequence[Spell]) -> Problem:
+    """The problem without the sightings of the spells, and without the frames that then see nothing."""
+    if not spells:
+        return problem
+    cameras = []
+    for number, camera in enumerate(problem.cameras):
+        keep = np.ones(len(camera.rays.frame), dtype=bool)
+        for spell in spells:
+            if spell.camera == number:
+                keep &= ~hides(spell, camera.rays.frame, camera.rays.target)
+        cameras.append(_kept(camera, keep))
+    return replace(problem, cameras=tuple(cameras))
+
+
+def hides(spell: Spell, frame: Ints, target: Ints) -> Bools:
+    """(m,) whether a spell hides these sightings of its camera."""
+    return np.asarray((target == spell.target) & (frame >= spell.first) & (frame < spell.last))
+
+
+def _kept(camera: CameraInput, keep: Bools) -> CameraInput:
+    rays = camera.rays
+    kept = replace(
+        rays, target=rays.target[keep], frame=rays.frame[keep], time_s=rays.time_s[keep],
+        direction_cam=rays.direction_cam[keep], pixel_from_ray=rays.pixel_from_ray[keep], sigma_px=rays.sigma_px[keep],
+    )  # fmt: skip
+    poses = camera.poses
+    stays = np.isin(poses.frame, kept.frame)
+    left = replace(
+        poses, frame=poses.frame[stays], time_s=poses.time_s[stays], position_enu_m=poses.position_enu_m[stays],
+        enu_from_cam=poses.enu_from_cam[stays],
+    )  # fmt: skip
+    return replace(camera, rays=kept, poses=left)
+
+
+def told(problem: Problem, cell: Cell, approach: Approach) -> Problem:
+    """The problem with the instruments' sigmas that the approach is told."""
+    if approach.told is None:
+        return problem
+    sigma = approach.told(cell.noise).instruments
+    return replace(problem, cameras=tuple(replace(c, sigma=sigma) for c in problem.cameras))
+
+
+def answer(problem: Problem, cell: Cell, approach: Approach) -> tuple[Solution | None, float]:
+    """An approach's solution (None: the geometry does not determine one) and its seconds, start to end."""
+    asked = told(problem, cell, approach)
+    began = time.perf_counter()
+    try:
+        found = (solve_li if approach.settings.method == "li" else solve)(asked, approach.settings)
+    except GeometryError:
+        return None, time.perf_counter() - began
+    return found, time.perf_counter() - began
+
+
+def fly(experiment: Experiment, cell: int, run: int, seed: int) -> Floats:
+    """(approaches, measures) of one run; NaN where an approach has no answer or is left out."""
+    problem, _, scene = flown(experiment, cell, run, seed)
+    what = experiment.cells[cell]
+    out = np.full((len(experiment.approaches), len(MEASURES)), np.nan)
+    for i, approach in enumerate(experiment.approaches):
+        if approach.name not in what.leave_out:
+            found, seconds = answer(problem, what, approach)
+            out[i] = measure(found, scene, experiment.target, seconds)
+    return out
