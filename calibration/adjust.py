@@ -162,6 +162,9 @@ def jacobians(model: Model, fit: Fit, corners: Corners) -> tuple[Floats, Floats,
     """
     pixels, by_point, by_intrinsics, Z, tau = project_all(model, fit, corners)
     n, q = len(pixels), len(model.free)
+    by_place = by_point
+    if model.turning:
+        by_place = by_point + tau[:, None, None] * (by_point @ _cross(fit.turn_rad[corners.view]))
     shared = np.zeros((n, 2, model.shared))
     shared[:, :, :q] = by_intrinsics * model.free
     if model.one_focal:
@@ -169,11 +172,11 @@ def jacobians(model: Model, fit: Fit, corners: Corners) -> tuple[Floats, Floats,
         shared[:, :, 0] += ratio * shared[:, :, 1]
         shared[:, :, 1] = 0
     if model.board_sigma_m is not None:
-        by_board = by_point @ fit.rotation[corners.view]
+        by_board = by_place @ fit.rotation[corners.view]
         place = q + 3 * corners.index[:, None] + np.arange(3)
         np.put_along_axis(shared, np.broadcast_to(place[:, None, :], by_board.shape), by_board, axis=2)
     turned = Z - fit.translation_m[corners.view]
-    own = np.concatenate([-by_point @ _cross(turned), by_point], axis=2)
+    own = np.concatenate([-by_place @ _cross(turned), by_place], axis=2)
     if model.turning:
         own = np.concatenate([own, -tau[:, None, None] * (by_point @ _cross(Z))], axis=2)
     return pixels - corners.xy, shared, own

@@ -41,8 +41,9 @@ def calibrate_files(
     has another number of corners), CalibrationError (the views cannot determine the camera).
     """
     files = find_photos([Path(s) for s in sources])
+    _refuse_wrong_count(files, board)
     found, missing = find_views(files, board, progress)
-    _refuse_wrong_board(files, board, found, missing)
+    _refuse_absent(board, found, missing)
     _refuse_mixed_cameras(found)
     rejected = [RejectedView(name=name, reason="the board was not found") for name in missing]
     return calibrate(found, board, terms=terms, rejected=rejected)
@@ -99,10 +100,10 @@ def spread_out(views: Sequence[BoardView], most: int) -> list[BoardView]:
     """
     if not views:
         return []
-    blur = np.array([v.blur_px[1] for v in views])
-    sharp = [v for v, b in zip(views, blur, strict=True) if not b > 1.5 * np.nanmedian(blur)]
+    blur = np.nan_to_num([v.blur_px[1] for v in views], nan=1e9)
+    sharp = [v for v, b in zip(views, blur, strict=True) if b <= 1.5 * np.median(blur)]
     place: Floats = np.array([_outermost(v) for v in sharp])
-    taken = [int(np.argmin(np.nan_to_num([v.blur_px[1] for v in sharp], nan=1e9)))]
+    taken = [int(np.argmin(blur[blur <= 1.5 * np.median(blur)]))]
     nearest = np.linalg.norm(place - place[taken[0]], axis=1)
     while len(taken) < min(most, len(sharp)) and nearest.max() > 0.02:
         taken.append(int(np.argmax(nearest)))
@@ -116,21 +117,34 @@ def _outermost(view: BoardView) -> Floats:
     return np.concatenate([ends.ravel(), low / view.image_size, high / view.image_size])
 
 
-def _refuse_wrong_board(files: PhotoFiles, board: Board, found: Sequence[BoardView], missing: Sequence[str]) -> None:
-    """Raises where the photos show another board, or none at all."""
-    if board.marker_m is None:
-        asked = _some_photos(files, {v.name for v in found} or set(missing))
-        guess = looks_like(photo.gray for photo in asked)
-        given = max(board.cols, board.rows), min(board.cols, board.rows)
-        if guess is not None and guess[0] != given and guess[1] > 0.5 * guess[2]:
-            size = f"{guess[0][0]}x{guess[0][1]}"
-            raise UsageError(
-                where="--board",
-                seen=f"{board.name}, found in {len(found)} of {len(found) + len(missing)} photos",
-                expected=f"the board in the photos, which looks like {size} inner corners "
-                f"(in {guess[1]} of {guess[2]} photos asked)",
-                advice=f"--board {size}; inner corners are the points where four squares meet",
-            )
+def _refuse_wrong_count(files: PhotoFiles, board: Board) -> None:
+    """Raises UsageError where some photos, asked before all are searched, clearly show a board of another size.
+
+    A grid smaller than the board can be found inside it, so that it was found proves nothing; a larger one cannot.
+    """
+    if board.marker_m is not None:
+        return
+    asked = [photo.gray for photo in _some_photos(files)]
+    guess = looks_like(asked)
+    given = max(board.cols, board.rows), min(board.cols, board.rows)
+    if guess is None or guess[0] == given or guess[1] <= 0.5 * guess[2]:
+        return
+    (cols, rows), _, _ = guess
+    other = Board(cols=cols, rows=rows, square_m=board.square_m)
+    larger = cols > given[0] or rows > given[1]
+    shown = [g for g in asked if find_board(g, other, "") is not None and (larger or find_board(g, board, "") is None)]
+    if len(shown) <= 0.5 * len(asked):
+        return
+    raise UsageError(
+        where="--board",
+        seen=board.name,
+        expected=f"the board in the photos, which looks like {other.name} inner corners "
+        f"(in {len(shown)} of {len(asked)} photos asked)",
+        advice=f"--board {other.name}; inner corners are the points where four squares meet",
+    )
+
+
+def _refuse_absent(board: Board, found: Sequence[BoardView], missing: Sequence[str]) -> None:
     if not found:
         raise InputFileError(
             where=f"{len(missing)} photos ({', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''})",
@@ -140,13 +154,14 @@ def _refuse_wrong_board(files: PhotoFiles, board: Board, found: Sequence[BoardVi
         )
 
 
-def _some_photos(files: PhotoFiles, names: set[str]) -> Iterator[Photo]:
-    chosen = [f for f in files.photos if f.name in names]
-    step = max(1, len(chosen) // ASKED_FOR_SIZE)
-    for path in chosen[::step][:ASKED_FOR_SIZE]:
+def _some_photos(files: PhotoFiles) -> Iterator[Photo]:
+    """A few photos, or frames of the first video, spread over the whole."""
+    step = max(1, len(files.photos) // ASKED_FOR_SIZE)
+    for path in files.photos[::step][:ASKED_FOR_SIZE]:
         yield read_photo(path)
-    if not chosen and files.videos:
-        frames = (photo for photo in video_frames(files.videos[0]) if not names or photo.name in names)
+    if not files.photos:
+        every = max(1, frame_count(files.videos[0]) // ASKED_FOR_SIZE)
+        frames = (photo for i, photo in enumerate(video_frames(files.videos[0])) if i % every == 0)
         yield from (photo for photo, _ in zip(frames, range(ASKED_FOR_SIZE), strict=False))
 
 

@@ -20,10 +20,13 @@ SEEN_SHARE = 0.35
 
 def seen_corners(gray: cv2.typing.MatLike, grid: Floats) -> Bools:
     """(rows, cols) true where the image shows a corner; `grid` is (rows, cols, 2) pixels."""
+    return np.asarray(_alternating(gray, grid, 0.35) & _alternating(gray, grid, 0.2) & in_line(grid))
+
+
+def _alternating(gray: cv2.typing.MatLike, grid: Floats, reach: float) -> Bools:
+    """Where the four squares around a corner alternate in tone as its neighbours' do."""
     e1, e2 = steps(grid)
-    tones = {
-        (s, t): _sample(gray, grid + 0.35 * (s * e1 + t * e2)) for s in (-1, 1) for t in (-1, 1)
-    }  # fmt: skip
+    tones = {(s, t): _sample(gray, grid + reach * (s * e1 + t * e2)) for s in (-1, 1) for t in (-1, 1)}
     row, col = np.mgrid[: grid.shape[0], : grid.shape[1]]
     sign = np.where((row + col) % 2, -1.0, 1.0)
     contrast = sign * (tones[1, 1] + tones[-1, -1] - tones[1, -1] - tones[-1, 1]) / 2
@@ -33,6 +36,27 @@ def seen_corners(gray: cv2.typing.MatLike, grid: Floats) -> Bools:
     across = np.maximum(np.abs(tones[1, 1] - tones[-1, -1]), np.abs(tones[1, -1] - tones[-1, 1]))
     strong = contrast / typical > SEEN_SHARE
     return np.asarray(strong & (across < 1.2 * np.abs(contrast) + 0.25 * abs(typical)))
+
+
+def in_line(grid: Floats) -> Bools:
+    """Where a corner lies with the others on a smooth surface: a homography and a cubic on top of it."""
+    rows, cols = grid.shape[:2]
+    y, x = np.mgrid[:rows, :cols]
+    x, y = (x / (cols - 1) * 2 - 1).ravel(), (y / (rows - 1) * 2 - 1).ravel()
+    plane = np.stack([x, y], axis=1)
+    terms = np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
+    flat, good = grid.reshape(-1, 2), np.ones(len(x), bool)
+    for _ in range(3):
+        if good.sum() < 12:
+            break
+        first, _ = cv2.findHomography(plane[good], flat[good])
+        if np.ndim(first) != 2:
+            break
+        off = flat - cv2.perspectiveTransform(plane[None], first)[0]
+        off = off - terms @ np.linalg.lstsq(terms[good], off[good], rcond=None)[0]
+        far = np.linalg.norm(off, axis=1)
+        good = far < max(0.5, 0.03 * spacing_px(grid), 5 * float(np.median(far)))
+    return good.reshape(rows, cols)
 
 
 def edge_blur_px(gray: cv2.typing.MatLike, grid: Floats) -> tuple[float, float]:

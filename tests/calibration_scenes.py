@@ -6,6 +6,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+
 from calibration.arrays import Floats
 from calibration.board import Board
 from calibration.camera import CameraModel, project, unproject
@@ -16,7 +17,11 @@ LENS = (-0.28, 0.09, 0.0008, -0.0006, 0.0)
 
 
 def camera(
-    width: int = 640, height: int = 480, focal: float = 540.0, distortion: tuple[float, ...] = LENS, model: str = "pinhole"
+    width: int = 640,
+    height: int = 480,
+    focal: float = 540.0,
+    distortion: tuple[float, ...] = LENS,
+    model: str = "pinhole",
 ) -> CameraModel:
     """A camera whose principal point is a little off the middle."""
     K = [[focal, 0, width / 2 + 4.3], [0, focal * 1.001, height / 2 - 6.2], [0, 0, 1]]
@@ -35,7 +40,9 @@ def poses(count: int, seed: int, lens: CameraModel, board: Board, *, tilt_deg: f
         axis = random.uniform(0, 2 * np.pi)
         R = cv2.Rodrigues(tilt * np.array([np.cos(axis), np.sin(axis), 0]))[0]
         R = R @ cv2.Rodrigues(np.array([0, 0, random.uniform(-np.pi, np.pi)]))[0]
-        far = lens.K[0, 0] * (board.cols + 1) * board.square_m / (fill * random.uniform(0.75, 1.25) * lens.image_size[0])
+        far = (
+            lens.K[0, 0] * (board.cols + 1) * board.square_m / (fill * random.uniform(0.75, 1.25) * lens.image_size[0])
+        )
         pixel = random.uniform(0.1, 0.9, 2) * lens.image_size
         ray = unproject(lens, pixel[None])[0]
         t = ray / ray[2] * far - R @ board.points_m.mean(axis=0)
@@ -128,7 +135,13 @@ def _square_wave(u: Floats) -> Floats:
 
 
 def rendered_photos(
-    lens: CameraModel, count: int = 10, seed: int = 1, board: Board = BOARD, blur_px: float = 0.7, noise: float = 2.0, **where
+    lens: CameraModel,
+    count: int = 10,
+    seed: int = 1,
+    board: Board = BOARD,
+    blur_px: float = 0.7,
+    noise: float = 2.0,
+    **where,
 ):
     """(photos, poses)."""
     placed = poses(count, seed, lens, board, **where)

@@ -1,0 +1,27 @@
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calibration import FORMATS, CameraModel, read_camera, write_camera
+
+focal = st.floats(1.0, 1e5)
+term = st.floats(-10, 10)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    focal, focal, st.floats(0, 639), st.floats(0, 479), st.lists(term, min_size=4, max_size=4), st.sampled_from(FORMATS)
+)
+def test_any_camera_survives_any_format(fx, fy, cx, cy, terms, name):
+    lens = CameraModel(
+        image_size=(640, 480), K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), distortion=np.array(terms)
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / ("cam.toml" if name in ("caliscope", "aniposelib") else "cam.yaml")
+        write_camera(path, lens, format_name=name)
+        again = read_camera(path)
+    assert np.array_equal(again.K, lens.K)
+    assert np.array_equal(again.distortion[:4], lens.distortion)
