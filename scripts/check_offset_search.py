@@ -151,19 +151,20 @@ def _camera(
     seen = rotation.rotate(rotation.conjugate(attitude)[:, None], points - centre[:, None])
     flat = seen[..., :2] / seen[..., 2:] + rng.normal(0, SIGMA.pixel_px / FOCAL_PX, (n, k, 2))
     flat += (rng.random((n, k, 1)) < outliers) * rng.normal(0, 0.1, (n, k, 2))
-    ray = np.concatenate([flat, np.ones((n, k, 1))], axis=2).reshape(-1, 3)
+    shown = ((seen[..., 2] > 0) & (np.abs(flat) < 1).all(axis=2)).ravel()
+    ray = np.concatenate([flat, np.ones((n, k, 1))], axis=2).reshape(-1, 3)[shown]
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     turn = rng.normal(0, SIGMA.attitude_bias_rad, 3) + rng.normal(0, SIGMA.attitude_rad, (n, 3))
     moved = rng.normal(0, SIGMA.position_bias_m, 3) + rng.normal(0, SIGMA.position_m, (n, 3))
     rays = SightRays(
         camera=name,
         targets=tuple(f"t{i}" for i in range(k)),
-        target=np.tile(np.arange(k), n),
-        frame=np.repeat(frame, k),
-        time_s=np.repeat(frame, k) / told_hz,
+        target=np.tile(np.arange(k), n)[shown],
+        frame=np.repeat(frame, k)[shown],
+        time_s=np.repeat(frame, k)[shown] / told_hz,
         direction_cam=ray,
         pixel_from_ray=_pinhole_jacobian(ray),
-        sigma_px=np.full(n * k, SIGMA.pixel_px),
+        sigma_px=np.full(len(ray), SIGMA.pixel_px),
     )
     poses = PoseTrack(
         camera=name,

@@ -100,7 +100,7 @@ def _search(
     others: list[tuple[str, Fit]] = []
     for done, name in enumerate(order[1:], start=1):
         beam = _extended(seen, priors, beam, name, cost)
-        others += [(name, fit) for fit in beam[1:]]
+        others += [(name, fit) for fit in (beam[1:] if name == order[-1] else beam[1:2])]
         beam = _worth_carrying(beam)
         if progress is not None:
             progress(done / (len(order) - 1))

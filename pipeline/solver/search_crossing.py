@@ -23,7 +23,7 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.geometry.rotation import exp, matrix
-from pipeline.solver.search_sweep import CAP, ClockRange, bounded
+from pipeline.solver.search_sweep import CAP, ClockRange, bounded, cross
 from pipeline.solver.search_views import Track, View, thinned
 
 LONELY = 0.75 * CAP**2 / 2
@@ -178,8 +178,8 @@ def _residuals(state: _State, pair: _Pair) -> _Residuals:
     base = track.centre_m + state.shift[pair.b] - at.centre_m[use] - state.shift[pair.a]
     early, late = pair.partner.at(own - 0.1), pair.partner.at(own + 0.1)
     ray_rate, centre_rate = (late.ray - early.ray) / 0.2, (late.centre_m - early.centre_m) / 0.2
-    normal, by_ray_a, by_ray_b = np.cross(ray_a, ray_b), np.cross(ray_b, base), np.cross(base, ray_a)
-    lever_a, lever_b = np.cross(ray_a, by_ray_a), np.cross(ray_b, by_ray_b)
+    normal, by_ray_a, by_ray_b = cross(ray_a, ray_b), cross(ray_b, base), cross(base, ray_a)
+    lever_a, lever_b = cross(ray_a, by_ray_a), cross(ray_b, by_ray_b)
     noise_a = pair.partner.pixel_rad[at.near[use]] ** 2 + va.tilt_noise_rad**2
     noise_b = track.pixel_rad**2 + vb.tilt_noise_rad**2
     shift = va.shift_noise_m**2 + vb.shift_noise_m**2
@@ -201,8 +201,8 @@ def _residuals(state: _State, pair: _Pair) -> _Residuals:
 
 def _turned(ray: Floats, axes: Floats, tilt_rad: Floats) -> Floats:
     """Rays turned by a small rotation given in camera axes."""
-    turn = axes @ matrix(exp(tilt_rad)) @ np.swapaxes(axes, 1, 2)
-    return np.asarray((turn @ ray[:, :, None])[:, :, 0])
+    in_camera = np.einsum("mij,mi->mj", axes, ray) @ matrix(exp(tilt_rad)).T
+    return np.asarray(np.einsum("mij,mj->mi", axes, in_camera))
 
 
 def _step(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | None], scale: float) -> Floats | None:

@@ -58,12 +58,20 @@ def bounded(residual: Floats) -> Floats:
     return np.asarray(0.5 * CAP**2 * square / (square + CAP**2))
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """Vector products (..., 3); numpy's own takes most of its time to look at the axes."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
 def crossing_residual(
     baseline_m: Floats, ray_a: Floats, ray_b: Floats, sigma_a: Floats, sigma_b: Floats, shift_m: float
 ) -> Floats:
     """e (...,) in sigmas of rays (..., 3) a distance `baseline_m` = C_b - C_a apart; inf where they meet behind."""
-    normal = np.cross(ray_a, ray_b)
-    to_a, to_b = np.cross(baseline_m, ray_a), np.cross(baseline_m, ray_b)
+    normal = cross(ray_a, ray_b)
+    to_a, to_b = cross(baseline_m, ray_a), cross(baseline_m, ray_b)
     squared = (normal**2).sum(-1)
     lever_a = (to_b**2).sum(-1) - (to_b * ray_a).sum(-1) ** 2
     lever_b = (to_a**2).sum(-1) - (to_a * ray_b).sum(-1) ** 2
