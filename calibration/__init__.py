@@ -12,9 +12,11 @@ This package never imports `pipeline`.
 """
 
 from calibration.board import Board
+from calibration.board_print import board_pdf, board_svg
 from calibration.camera import CameraModel
 from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
 from calibration.from_files import calibrate_files
+from calibration.report import calibration_page
 from calibration.result import CalibratedView, Calibration, RejectedView
 from calibration.solve import calibrate
 from calibration.views import BoardView
@@ -27,8 +29,11 @@ __all__ = [
     "Calibration",
     "CameraModel",
     "RejectedView",
+    "board_pdf",
+    "board_svg",
     "calibrate",
     "calibrate_files",
+    "calibration_page",
     "camera_json",
     "read_camera",
     "write_camera",
