@@ -35,6 +35,7 @@ class Frames:
                   per second of log time; None: no camera's poses can be moved in time
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
+    alike         (C,) sightings that count as one observation: their gain is divided by its root
     angular       true: divided by the depth
     """
 
@@ -51,6 +52,7 @@ class Frames:
     gain: Floats
     seen: Bools
     sigma_px: Floats
+    alike: Floats
     angular: bool
 
     @property
@@ -82,7 +84,7 @@ def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, F
     gain = np.zeros((n_frames, n_targets, 2, 3))
     sigma = np.full((n_frames, n_targets), np.nan)
     ray[place, column] = rays.direction_cam
-    gain[place, column] = rays.pixel_from_ray / rays.sigma_px[:, None, None]
+    gain[place, column] = rays.pixel_from_ray / (rays.sigma_px * np.sqrt(rays.alike))[:, None, None]
     sigma[place, column] = rays.sigma_px
     video = np.full(n_frames, np.nan)
     video[place] = rays.time_s
@@ -111,6 +113,7 @@ def pack(problem: Problem) -> Frames:
         gain=gain,
         seen=np.isfinite(sigma),
         sigma_px=sigma,
+        alike=np.array([c.rays.alike for c in problem.cameras]),
         angular=True,
     )
 

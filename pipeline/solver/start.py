@@ -142,12 +142,17 @@ def first_model(
         camera_mean=mean, camera_precision=precision, camera_free=free,
         jerk=np.full(len(frames.targets), FIRST_JERK), drift_rate=np.zeros(len(frames.cameras)),
     )  # fmt: skip
-    loss = BEND[settings.robust] if settings.method == "map" else Loss()
+    loss = bent(BEND[settings.robust], frames) if settings.method == "map" else Loss()
     model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors)
     state = State(
         coefficients=np.zeros((basis.count, 3)), camera=camera, deviation=np.empty(0), own=np.zeros((frames.count, 6))
     )
     return model, state
+
+
+def bent(loss: Loss, frames: Frames) -> Loss:
+    """The loss bending at as many sigmas of one sighting, where sightings that are alike weigh less."""
+    return replace(loss, bend=loss.bend / float(np.sqrt(frames.alike.max())))
 
 
 def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:
