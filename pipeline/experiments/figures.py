@@ -114,6 +114,6 @@ def words(value: float, digits: int = 3) -> str:
     if not math.isfinite(value):
         return "\u2013"
     if value != 0 and not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.1e}"
+        return f"{value:.1e}".replace("-", "\u2212")
     text = f"{value:#.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
     return text.rstrip(".").replace("-", "\u2212")
