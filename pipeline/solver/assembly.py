@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.arrays import Floats, Ints
+from pipeline.solver import _kernels
 from pipeline.solver.blocks import BLOCK_PARAMETERS, LOCAL_COLUMNS, Blocks, partition
 from pipeline.solver.bordered import Bordered
 from pipeline.solver.elimination import At, BlockNormals, block_normals, frame_steps
@@ -89,7 +90,19 @@ def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floa
 
 
 def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
-    """All blocks' normal equations in the order of the unknowns, without priors."""
+    """All blocks' normal equations in the order of the unknowns, without priors; compiled where numba is installed."""
+    if not _kernels.AVAILABLE:
+        return assemble_plain(model, blocks, normals)
+    order, basis = model.order, model.basis
+    band, border, corner, gradient = _kernels.assemble(
+        normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
+        global_places(model, blocks), order.n_band, order.n_border, order.width,
+    )  # fmt: skip
+    return Bordered(band=band, border=border, corner=corner, gradient=gradient)
+
+
+def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
+    """The same in numpy only."""
     order = model.order
     n, q, w = order.n_band, order.n_border, order.width
     band, border, corner = np.zeros((w + 1) * n), np.zeros(n * q), np.zeros(q * q)

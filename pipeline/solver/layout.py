@@ -124,6 +124,11 @@ def metric(frames: Frames) -> Frames:
     return replace(frames, gain=gain, angular=False)
 
 
-def scaled_metric(frames: Frames, distance_m: Floats) -> Frames:
-    """Linear in the motion like the paper's residual, weighted like the angular one at `distance_m` (F, N)."""
-    return replace(frames, gain=frames.gain / distance_m[..., None, None], angular=False)
+def scaled_metric(frames: Frames, distance_m: Floats, bias_rad: Floats) -> Frames:
+    """Linear in the motion like the paper's residual, weighted like the angular one at `distance_m` (F, N).
+
+    Every sighting's sigma also holds its camera's unknown constant rotation, `bias_rad` (C,) per axis.
+    """
+    square = 0.5 * (frames.gain**2).sum(axis=(-1, -2)) * bias_rad[frames.camera, None] ** 2
+    weight = 1 / (distance_m * np.sqrt(1 + square))
+    return replace(frames, gain=frames.gain * weight[..., None, None], angular=False)

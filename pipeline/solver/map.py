@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
+
+from calibration.arrays import Floats
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.bordered import factorise
 from pipeline.solver.covariance import Inverse
-from pipeline.solver.intersection import intersect_weighted
+from pipeline.solver.elimination import HUBER, NONE, Loss
+from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
 from pipeline.solver.levenberg import Fit, Progress, levenberg_marquardt
+from pipeline.solver.model import Model, State
+from pipeline.solver.residuals import linearise
 from pipeline.solver.results import Outcome
 from pipeline.solver.start import MotionChoice, first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.strength import renewed_jerk, renewed_walk, with_strengths
+from pipeline.solver.timing import FOCAL, common_time_s
 
 TRIED = 3
 """Offset candidates that are given a short adjustment each."""
-SHORT = 12
+TRIAL = 25
 """Iterations of it."""
+STAGES, SHORT, COARSE, FAR = 4, 8, 1e-2, 2.5
+ROUNDS, SETTLED = 4, 0.05
+"""Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
 CLEARLY_WORSE = 10.0
 """Cost (half chi-square) by which the next best offsets must be worse not to be called ambiguous."""
 
@@ -36,18 +48,21 @@ def candidates(problem: Problem, settings: SolverSettings) -> tuple[OffsetCandid
 
 
 def best_start(
-    problem: Problem, settings: SolverSettings, begin: Callable[[OffsetCandidate], Fit]
+    problem: Problem, settings: SolverSettings, begin: Callable[[OffsetCandidate, int], Fit]
 ) -> tuple[Fit, tuple[OffsetCandidate, ...], tuple[Finding, ...]]:
     """A short adjustment from each of the best candidates; the lowest cost goes on, all are reported."""
     found = candidates(problem, settings)
     if len(found) == 1:
-        return begin(found[0]), found, ()
-    fits = [begin(c) for c in found[:TRIED]]
+        return begin(found[0], settings.max_iterations), found, ()
+    fits = [begin(c, TRIAL) for c in found[:TRIED]]
     ranked = sorted(range(len(fits)), key=lambda i: fits[i].cost)
     reported = tuple(
         OffsetCandidate(offset_s=found[i].offset_s, cost=fits[i].cost, frame_rate=found[i].frame_rate) for i in ranked
     )
-    return fits[ranked[0]], reported, ambiguous(reported)
+    best = fits[ranked[0]]
+    if best.status != "converged":
+        best = levenberg_marquardt(best.model, best.state, max_iterations=settings.max_iterations)
+    return best, reported, ambiguous(reported)
 
 
 def ambiguous(ranked: tuple[OffsetCandidate, ...]) -> tuple[Finding, ...]:
@@ -66,24 +81,75 @@ def ambiguous(ranked: tuple[OffsetCandidate, ...]) -> tuple[Finding, ...]:
 
 
 def statistical_start(
-    problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, candidate: OffsetCandidate,
-    iterations: int,
-) -> Fit:  # fmt: skip
-    """The motion by weighted intersection at a candidate's clocks, then some steps of the whole adjustment."""
+    problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, candidate: OffsetCandidate
+) -> tuple[Model, State]:
+    """The motion by weighted intersection at a candidate's clocks, or by plain intersection where that is enough."""
     camera = first_camera(problem, candidate.offset_s, candidate.frame_rate)
     model, state = first_model(problem, settings, frames, choice, camera)
-    return levenberg_marquardt(model, intersect_weighted(model, state), max_iterations=iterations)
+    if "spline" in choice.kinds:
+        return model, intersect_weighted(model, state)
+    return model, intersect(model, state)
+
+
+def graduated(model: Model, state: State, iterations: int, progress: Progress | None = None) -> Fit:
+    """Levenberg-Marquardt from far: the robust loss bends late at first, so that errors of the start are no outliers.
+
+    Each stage bends at `FAR` times the median residual that it finds, until that is nearly the loss' own bend.
+    """
+    wanted, done = model.loss, 0
+    for _ in range(STAGES if wanted.kind != NONE else 0):
+        bend = FAR * float(np.median(residual_lengths(model, state)))
+        if bend <= 1.5 * wanted.bend:
+            break
+        eased = replace(model, loss=Loss(kind=HUBER, bend=bend))
+        fit = levenberg_marquardt(eased, state, max_iterations=SHORT, small=COARSE, progress=progress)
+        state, done = fit.state, done + fit.iterations
+    fit = levenberg_marquardt(model, state, max_iterations=max(1, iterations - done), progress=progress)
+    return replace(fit, iterations=fit.iterations + done)
+
+
+def residual_lengths(model: Model, state: State) -> Floats:
+    """(m,) residual of every sighting in sigmas."""
+    frames = model.frames
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)
+    error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
+    position = model.basis.position(time, state.coefficients)
+    found = linearise(frames, slice(None), position, error, state.camera[frames.camera, FOCAL])
+    return np.asarray(np.linalg.norm(found.residual[frames.seen], axis=-1))
+
+
+def with_estimated_priors(fit: Fit, iterations: int, progress: Progress | None = None) -> Fit:
+    """Rounds of estimating how strong the priors of splines and drifting clocks are, and of adjusting with that."""
+    model = fit.model
+    if not model.drift.count and all(t.kind == "polynomial" for t in model.basis.targets):
+        return fit
+    for _ in range(ROUNDS):
+        factor = factorise(fit.linear.system)
+        if factor is None:
+            return fit
+        covariance = Inverse(factor=factor)
+        jerk = renewed_jerk(fit.model, fit.state, covariance)
+        walk = renewed_walk(fit.model, fit.state, covariance)
+        before = np.concatenate([fit.model.priors.jerk, fit.model.priors.drift_rate])
+        model = with_strengths(fit.model, jerk, walk)
+        again = levenberg_marquardt(model, fit.state, max_iterations=iterations, progress=progress)
+        fit = replace(again, iterations=fit.iterations + again.iterations)
+        change = np.abs(np.concatenate([jerk, walk]) - before) / np.maximum(before, 1e-12)
+        if change.max() < SETTLED:
+            break
+    return fit
 
 
 def adjust(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None = None) -> Outcome:
     """The whole of `map`: start, adjustment, uncertainty."""
     choice = first_choice(problem)
 
-    def begin(candidate: OffsetCandidate) -> Fit:
-        return statistical_start(problem, settings, frames, choice, candidate, SHORT)
+    def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
+        model, state = statistical_start(problem, settings, frames, choice, candidate)
+        return graduated(model, state, iterations, progress)
 
     fit, found, findings = best_start(problem, settings, begin)
-    fit = levenberg_marquardt(fit.model, fit.state, max_iterations=settings.max_iterations, progress=progress)
+    fit = with_estimated_priors(fit, settings.max_iterations, progress)
     factor = factorise(fit.linear.system)
     return Outcome(
         model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,

@@ -11,6 +11,7 @@ The motion prior of a spline is white jerk: the integral of |X'''|^2 / q^2 dt, e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,6 +50,19 @@ class MotionBasis:
     grid_s: Floats
     degree: int
     targets: tuple[TargetBasis, ...]
+
+    @cached_property
+    def transforms(self) -> Floats:
+        """(S, N, K + 1, K + 1) of all targets, zero in the columns that a target of lower degree lacks."""
+        out = np.zeros((len(self.grid_s) - 1, len(self.targets), self.degree + 1, self.degree + 1))
+        for n, t in enumerate(self.targets):
+            out[:, n, :, : t.degree + 1] = t.transform
+        return out
+
+    @cached_property
+    def degrees(self) -> Ints:
+        """(N,) of the targets."""
+        return np.array([t.degree for t in self.targets], dtype=np.int64)
 
     @property
     def count(self) -> int:
