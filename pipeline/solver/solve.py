@@ -22,6 +22,7 @@ from pipeline.solver import map as statistical
 from pipeline.solver.assembly import linear
 from pipeline.solver.bordered import factorise
 from pipeline.solver.covariance import Inverse
+from pipeline.solver.findings import find_degeneracies
 from pipeline.solver.intersection import intersect
 from pipeline.solver.layout import Frames, metric, pack
 from pipeline.solver.levenberg import Fit, Progress, levenberg_marquardt
@@ -38,13 +39,18 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     `progress` is called with (iteration, cost). `Solution.seconds` counts the numerical solve alone: from packed
     arrays to the optimum, without the search of offsets, the covariances and the making of the record.
 
-    Raises GeometryError where the sightings cannot determine the motion. Not converging is a status, not an error.
+    Raises GeometryError where the sightings cannot determine the answer; what a prior decides is a finding. Not
+    converging is a status, not an error.
     """
+    find_degeneracies(problem, settings)
     frames = pack(problem)
     method = METHODS[settings.method]
     began = time.perf_counter()
     found = method(problem, settings, frames, progress)
-    return solution_of(problem, settings, found, time.perf_counter() - began)
+    solution = solution_of(problem, settings, found, time.perf_counter() - began)
+    orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
+    left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders)
+    return replace(solution, findings=(*solution.findings, *left_open))
 
 
 def _intersection(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
