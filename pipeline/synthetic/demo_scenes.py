@@ -133,12 +133,13 @@ def demo_lens(size: tuple[int, int], focal_px: float) -> CameraModel:
     return CameraModel(image_size=size, K=K, distortion=np.array([-0.12, 0.06, 0.0006, -0.0004, 0.0]))
 
 
-# Vehicles: place and velocity (m, m/s) at the middle of the flight, acceleration (m/s^2), all east and north.
+# Vehicles: place and velocity (m, m/s) at the middle of the flight, acceleration (m/s^2), all east and north. Roofs with hardly a wall
+# under them: a point between roof, walls and shadow would wander as the view turns, and truth names one point.
 _SHAPES = {
-    "car": VehicleShape(length_m=4.7, width_m=2.1, roof_m=1.4, skirt_m=0.6, colour=(40, 45, 190), seed=1),
-    "truck": VehicleShape(length_m=9.4, width_m=2.7, roof_m=2.4, skirt_m=0.9, colour=(60, 175, 225), seed=2),
-    "van": VehicleShape(length_m=6.2, width_m=2.4, roof_m=2.0, skirt_m=0.8, colour=(225, 228, 230), seed=3),
-    "pickup": VehicleShape(length_m=5.5, width_m=2.2, roof_m=1.5, skirt_m=0.6, colour=(165, 120, 40), seed=4),
+    "car": VehicleShape(length_m=4.7, width_m=2.1, roof_m=1.4, skirt_m=0.15, colour=(40, 45, 190), seed=1),
+    "truck": VehicleShape(length_m=8.0, width_m=2.6, roof_m=2.2, skirt_m=0.15, colour=(60, 175, 225), seed=2),
+    "van": VehicleShape(length_m=6.2, width_m=2.4, roof_m=1.8, skirt_m=0.15, colour=(225, 228, 230), seed=3),
+    "pickup": VehicleShape(length_m=5.5, width_m=2.2, roof_m=1.5, skirt_m=0.15, colour=(165, 120, 40), seed=4),
 }
 _MOVES = {
     "car": ((-4.0, -32.0), (8.4, 1.49), (0.0, 0.0)),
