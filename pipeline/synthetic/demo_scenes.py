@@ -133,8 +133,9 @@ def demo_lens(size: tuple[int, int], focal_px: float) -> CameraModel:
     return CameraModel(image_size=size, K=K, distortion=np.array([-0.12, 0.06, 0.0006, -0.0004, 0.0]))
 
 
-# Vehicles: place and velocity (m, m/s) at the middle of the flight, acceleration (m/s^2), all east and north. Roofs with hardly a wall
-# under them: a point between roof, walls and shadow would wander as the view turns, and truth names one point.
+# Vehicles: place and velocity (m, m/s) at the middle of the flight, acceleration (m/s^2), all east and north. Roofs
+# with hardly a wall under them: the truth names one point, and what a tracker sees of roof, walls and shadow together
+# wanders as the view turns.
 _SHAPES = {
     "car": VehicleShape(length_m=4.7, width_m=2.1, roof_m=1.4, skirt_m=0.15, colour=(40, 45, 190), seed=1),
     "truck": VehicleShape(length_m=8.0, width_m=2.6, roof_m=2.2, skirt_m=0.15, colour=(60, 175, 225), seed=2),

@@ -67,13 +67,13 @@ def test_the_ground_is_where_the_lens_puts_it():
         half = size * texel / 2
         column, row = (east + half) / texel - 0.5, (half - north) / texel - 0.5
         rows, columns = np.ogrid[0:size, 0:size]
-        spot = 250 * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / (2 * 24.0**2))
+        spot = 250 * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / (2 * 12.0**2))
         ground = np.repeat(np.round(spot).astype(np.uint8)[:, :, None], 3, axis=2)
         to_texel = np.array([[1 / texel, 0, half / texel - 0.5], [0, -1 / texel, half / texel - 0.5], [0, 0, 1.0]])
         country = Country(ground=ground, texel_from_plane=to_texel, solids=(), bridge=None)
         where = view.pixels(np.array([[east, north, 0.0]]))[0]
         seen = ground_seen(view, country, rays)[:, :, 1]
-        assert np.abs(centroid(seen, where, 20) - where).max() < 0.04
+        assert np.abs(centroid(seen, where, 12) - where).max() < 0.03
 
 
 @pytest.fixture(scope="module")
