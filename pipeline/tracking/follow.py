@@ -123,21 +123,26 @@ def follow(
 
 
 def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
-    """The coarse tracker's answer refined; if that does not hold, the prediction, then a search close by."""
+    """The coarse tracker's answer refined; where that is in doubt, the better of it and of a search close by.
+
+    A new target may score less: its first look is noisy and holds some of what is behind it.
+    """
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     start = None
     if target.coarse is not None:
         coarse, start = look(target.coarse, image, predicted)
         target = replace(target, coarse=coarse)
+    found = None
     if start is not None:
         found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
-        if _holds(target, found, _least(target, settings), TO_FOLLOW):
+        if _holds(target, found, settings.accept_score, TO_LEARN):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
     near = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
-    if near is not None and _holds(target, near, _least(target, settings), TO_FOLLOW):
-        return replace(target, coarse=None), near
-    return target, None
+    least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
+    good = [a for a in (found, near) if a is not None and _holds(target, a, least, TO_FOLLOW)]
+    best = max(good, key=lambda a: a.score, default=None)
+    return (target if best is found else replace(target, coarse=None)), best
 
 
 def _searched(
@@ -165,11 +170,6 @@ def _in_view(course: Course, image: Image) -> bool:
     slack = 3.0 * course.sigma_px + 10.0
     x, y = course.position_px
     return bool(-slack < x < width + slack and -slack < y < height + slack)
-
-
-def _least(target: Followed, settings: TrackingSettings) -> float:
-    """The score to be followed; a new target's first look is noisy and holds some of what is behind it."""
-    return min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
 
 
 def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
