@@ -48,12 +48,13 @@ class Scene:
     keys: tuple[Keyframe, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fix:
-    """A target found in one frame."""
+    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since."""
 
     frame: int
     xy_px: tuple[float, float]
+    linear: Floats
     sigma_px: float
     score: float
 
@@ -97,7 +98,7 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
         course=first_course(centre, max(size)),
         coarse=start_coarse(settings.tracker, image, Warp(linear=np.eye(2), centre_px=centre), size),
     )
-    return target, Fix(frame=box.frame, xy_px=box.centre_px, sigma_px=SIGMA_FLOOR_PX, score=1.0)
+    return target, Fix(frame=box.frame, xy_px=box.centre_px, linear=np.eye(2), sigma_px=SIGMA_FLOOR_PX, score=1.0)
 
 
 def follow(
@@ -261,7 +262,9 @@ def _inside_image(point_px: Floats, image: Image) -> bool:
 
 def _fix(frame: int, found: Alignment) -> Fix:
     x, y = found.warp.centre_px
-    return Fix(frame=frame, xy_px=(float(x), float(y)), sigma_px=_sigma_px(found), score=found.score)
+    return Fix(
+        frame=frame, xy_px=(float(x), float(y)), linear=found.warp.linear, sigma_px=_sigma_px(found), score=found.score
+    )
 
 
 def _sigma_px(found: Alignment) -> float:
