@@ -40,6 +40,7 @@ UTC_ZERO_S = 1748770200.0
 """2025-06-01T09:30:00Z, as UAV 1 knows it; the second ground station's clock is over an hour wrong."""
 RECORDER_WRONG_S = (0.0, -4387.219)
 POLL_S = 0.2
+CHOICE, MARGIN_PX = 20, 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +67,8 @@ def write_flight(
     The same scene, seed and program give the same bytes. Raises UsageError without a video encoder, WriteError where
     the folder cannot be written.
     """
+    if scene.landscape is None:
+        raise ValueError(f"{scene.name}: a scene without a landscape cannot be rendered")
     quality = quality or Quality()
     for index, camera in enumerate(scene.cameras):
         log = _recording(scene, index, noise, seed)
@@ -98,8 +101,7 @@ def _write_photos(scene: Scene, folder: Path, seed: int, quality: Quality) -> No
 
 def _write_videos(scene: Scene, folder: Path, seed: int, quality: Quality, progress: Progress | None) -> None:
     """All cameras at once, a thread and an encoder each; progress is told from the calling thread."""
-    if scene.landscape is None:
-        raise ValueError(f"{scene.name}: a scene without a landscape cannot be rendered")
+    assert scene.landscape is not None
     country = paint(scene.landscape)
     done = dict.fromkeys((c.name for c in scene.cameras), 0)
     total = sum(c.frames for c in scene.cameras)
@@ -133,23 +135,32 @@ def _wait(jobs: list[Future[int]], tell: Callable[[], object]) -> None:
     tell()
 
 
-def first_box(scene: Scene, camera: SceneCamera, target: SceneTarget, track: ImageTrack, margin_px: int = 12) -> Box:
-    """The box a person would draw on the first frame that shows the whole vehicle: whole pixels, centred on the roof.
+def first_box(scene: Scene, camera: SceneCamera, target: SceneTarget, track: ImageTrack) -> Box:
+    """The box a careful person would draw: whole pixels, on an early frame, its centre on the roof's.
 
-    The sides are as long as the roof's outline and a little more; of two lengths the one whose centre lies nearer to
-    the reference point's pixel is taken, so that it is at most a quarter of a pixel off in x and y.
+    Of the first CHOICE frames that show the whole roof, MARGIN_PX inside the image, the one where the centre of such
+    a box comes nearest to the reference point: a tracker follows what lies under it, in every camera the same point.
     """
     size = np.array(camera.lens.image_size)
+    best, nearest, shown = None, np.inf, 0
     for frame in track.frame[track.state != LOST]:
-        when = camera.frame_time_s(np.array([frame]))
-        outline = outline_enu_m(target, float(when[0]))
-        corners, _ = pixels_of(camera, np.full(4, frame), outline)
-        if ((corners > margin_px) & (corners < size - margin_px)).all():
-            centre = track.xy_px[np.searchsorted(track.frame, frame)]
-            reach = np.abs(corners - centre).max(axis=0)
-            (x, width), (y, height) = (_whole_side(float(c), float(r)) for c, r in zip(centre, reach, strict=True))
-            return Box(frame=int(frame), x=x, y=y, width=width, height=height)
-    raise ValueError(f"{camera.name} never sees all of {target.name}")
+        when = float(camera.frame_time_s(np.array([frame]))[0])
+        corners, _ = pixels_of(camera, np.full(4, frame), outline_enu_m(target, when))
+        if not ((corners > MARGIN_PX) & (corners < size - MARGIN_PX)).all():
+            continue
+        centre = track.xy_px[np.searchsorted(track.frame, frame)]
+        reach = np.abs(corners - centre).max(axis=0)
+        (x, width), (y, height) = (_whole_side(float(c), float(r)) for c, r in zip(centre, reach, strict=True))
+        box = Box(frame=int(frame), x=x, y=y, width=width, height=height)
+        miss = float(np.abs(np.array(box.centre_px) - centre).max())
+        if miss < nearest:
+            best, nearest = box, miss
+        shown += 1
+        if shown == CHOICE:
+            break
+    if best is None:
+        raise ValueError(f"{camera.name} never sees all of {target.name}")
+    return best
 
 
 def _whole_side(centre_px: float, reach_px: float) -> tuple[int, int]:
