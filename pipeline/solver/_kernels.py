@@ -23,7 +23,7 @@ try:
 except ImportError:  # pragma: no cover - the extra is installed where the tests run
     AVAILABLE = False
 
-    def njit(**_: object) -> Callable[[Any], Any]:
+    def njit(**_: object) -> Callable[[Any], Any]:  # type: ignore[no-redef]
         """Leaves functions as they are."""
         return lambda function: function
 

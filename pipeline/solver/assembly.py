@@ -158,11 +158,10 @@ def add_priors(model: Model, state: State, data: Bordered) -> tuple[Bordered, fl
 
 def _add_jerk(model: Model, state: State, t: int, band: Floats, gradient: Floats) -> float:
     """Adds a spline's white-jerk prior to the band and the gradient in place; returns its cost."""
-    target, strength = model.basis.targets[t], model.priors.jerk[t]
-    if target.kind != "spline" or not np.isfinite(strength):
+    target = model.basis.targets[t]
+    if target.kind != "spline":
         return 0.0
-    first, rows = jerk_penalty(model, t)
-    rows = rows / strength
+    first, rows, _ = jerk_penalty(model, t)
     acting = first[:, None] + np.arange(target.degree + 1)
     value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
     place = model.order.coefficient[acting]

@@ -43,7 +43,7 @@ def intersect_weighted(model: Model, state: State) -> State:
     A camera's unknown constant rotation counts as noise here, or the motion would bend to please every camera.
     """
     precision = model.priors.camera_precision[:, ROT].min(axis=1)
-    bias_rad = np.where(precision > 0, 1 / np.sqrt(np.maximum(precision, 1e-12)), 0.0)
+    bias_rad: Floats = np.where(precision > 0, 1 / np.sqrt(np.maximum(precision, 1e-12)), 0.0)
     found = intersect(model, state)
     for _ in range(REWEIGHTED):
         frames = scaled_metric(model.frames, distance_m(model, found), bias_rad)

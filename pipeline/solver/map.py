@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.bordered import factorise
-from pipeline.solver.covariance import Inverse
+from pipeline.solver.clusters import clusters
+from pipeline.solver.covariance import Inverse, sandwich
+from pipeline.solver.drifting import drifting, with_drift
 from pipeline.solver.elimination import HUBER, NONE, Loss
 from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
@@ -109,13 +111,17 @@ def graduated(model: Model, state: State, iterations: int, progress: Progress | 
 
 
 def residual_lengths(model: Model, state: State) -> Floats:
-    """(m,) residual of every sighting in sigmas."""
+    """(m,) length of every sighting's residual in sigmas."""
+    return np.asarray(np.linalg.norm(residuals(model, state)[model.frames.seen], axis=-1))
+
+
+def residuals(model: Model, state: State) -> Floats:
+    """(F, N, 2) residuals in sigmas."""
     frames = model.frames
     time = common_time_s(frames, model.drift, state.camera, state.deviation)
     error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
     position = model.basis.position(time, state.coefficients)
-    found = linearise(frames, slice(None), position, error, state.camera[frames.camera, FOCAL])
-    return np.asarray(np.linalg.norm(found.residual[frames.seen], axis=-1))
+    return linearise(frames, slice(None), position, error, state.camera[frames.camera, FOCAL]).residual
 
 
 def with_estimated_priors(fit: Fit, iterations: int, progress: Progress | None = None) -> Fit:
@@ -130,18 +136,27 @@ def with_estimated_priors(fit: Fit, iterations: int, progress: Progress | None =
         covariance = Inverse(factor=factor)
         jerk = renewed_jerk(fit.model, fit.state, covariance)
         walk = renewed_walk(fit.model, fit.state, covariance)
-        before = np.concatenate([fit.model.priors.jerk, fit.model.priors.drift_rate])
+        before = np.concatenate([fit.model.priors.jerk.ravel(), fit.model.priors.drift_rate])
         model = with_strengths(fit.model, jerk, walk)
         again = levenberg_marquardt(model, fit.state, max_iterations=iterations, progress=progress)
         fit = replace(again, iterations=fit.iterations + again.iterations)
-        change = np.abs(np.concatenate([jerk, walk]) - before) / np.maximum(before, 1e-12)
-        if change.max() < SETTLED:
+        change = np.abs(np.concatenate([jerk.ravel(), walk]) - before) / np.maximum(before, 1e-12)
+        if np.median(change) < SETTLED:
             break
     return fit
 
 
-def adjust(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None = None) -> Outcome:
-    """The whole of `map`: start, adjustment, uncertainty."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Adjusted:
+    """The optimum, before its uncertainty is worked out."""
+
+    fit: Fit
+    findings: tuple[Finding, ...] = ()
+    candidates: tuple[OffsetCandidate, ...] = ()
+
+
+def adjust(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None = None) -> Adjusted:
+    """The whole of `map` up to the optimum: start, priors' strengths, drifting clocks."""
     choice = first_choice(problem)
 
     def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
@@ -150,8 +165,25 @@ def adjust(problem: Problem, settings: SolverSettings, frames: Frames, progress:
 
     fit, found, findings = best_start(problem, settings, begin)
     fit = with_estimated_priors(fit, settings.max_iterations, progress)
+    drifts, said = drifting(problem, fit.model, fit.state)
+    if drifts:
+        model, state = with_drift(fit.model, fit.state, drifts)
+        again = levenberg_marquardt(model, state, max_iterations=settings.max_iterations, progress=progress)
+        again = with_estimated_priors(again, settings.max_iterations, progress)
+        fit = replace(again, iterations=fit.iterations + again.iterations)
+    return Adjusted(fit=fit, findings=(*findings, *said), candidates=found)
+
+
+def outcome(frames: Frames, found: Adjusted) -> Outcome:
+    """The adjustment with its uncertainty, plain and cluster-robust."""
+    fit = found.fit
     factor = factorise(fit.linear.system)
+    robust = None
+    if factor is not None:
+        cluster = clusters(fit.model, fit.state, residuals(fit.model, fit.state))
+        robust = sandwich(fit.model, fit.state, factor, cluster)
     return Outcome(
         model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,
-        plain=None if factor is None else Inverse(factor=factor), findings=findings, candidates=found,
+        plain=None if factor is None else Inverse(factor=factor), robust=robust,
+        findings=found.findings, candidates=found.candidates,
     )  # fmt: skip

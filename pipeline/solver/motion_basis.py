@@ -178,15 +178,15 @@ def _spline_target(name: str, grid: Floats, low_s: float, high_s: float, first: 
     )  # fmt: skip
 
 
-def jerk_rows(basis: MotionBasis, target: TargetBasis) -> tuple[Ints, Floats]:
+def jerk_rows(basis: MotionBasis, target: TargetBasis) -> tuple[Ints, Floats, Ints]:
     """Rows whose squares, summed over the target's spans, are the integral of |X'''|^2 dt.
 
-    Returns the first acting coefficient (p,) and the row (p, 4), for the spans that the target's knots cover.
+    Returns the first acting coefficient (p,), the row (p, 4) and the span (p,), for the spans that its knots cover.
     """
     covered = (basis.mid_s > target.knots_s[0]) & (basis.mid_s < target.knots_s[-1])
     half = basis.half_s[covered]
     row = target.transform[covered, SPLINE_DEGREE, :] * (6 / half**3 * np.sqrt(2 * half))[:, None]
-    return target.active[covered], np.asarray(row)
+    return target.active[covered], np.asarray(row), np.flatnonzero(covered)
 
 
 def bernstein_from_powers(order: int) -> Floats:

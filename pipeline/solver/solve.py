@@ -15,8 +15,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
-from pipeline.records import Problem, Solution, SolverSettings
+from pipeline.records import OffsetCandidate, Problem, Solution, SolverSettings
 from pipeline.solver import li
 from pipeline.solver import map as statistical
 from pipeline.solver.assembly import linear
@@ -31,6 +32,8 @@ from pipeline.solver.start import first_camera, first_choice, first_model, given
 from pipeline.solver.triangulation import triangulate
 
 LI_ROUNDS = 500
+Finish = Callable[[], Outcome]
+"""What is left to do after the optimum is found: covariances."""
 
 
 def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | None = None) -> Solution:
@@ -47,34 +50,35 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     method = METHODS[settings.method]
     began = time.perf_counter()
     found = method(problem, settings, frames, progress)
-    solution = solution_of(problem, settings, found, time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    solution = solution_of(problem, settings, found(), seconds)
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders)
     return replace(solution, findings=(*solution.findings, *left_open))
 
 
-def _intersection(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
+def _intersection(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Finish:
     camera = first_camera(problem, given_offsets(problem), {})
     model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
     here = linear(model, intersect(model, state))
-    return _paper_outcome(frames, Fit(model=model, linear=here, status="converged", iterations=1))
+    return partial(_paper_outcome, frames, Fit(model=model, linear=here, status="converged", iterations=1))
 
 
-def _li(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
+def _li(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Finish:
     camera = first_camera(problem, given_offsets(problem), {})
     model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
-    return _paper_outcome(frames, li.alternate(model, state, LI_ROUNDS, progress))
+    return partial(_paper_outcome, frames, li.alternate(model, state, LI_ROUNDS, progress))
 
 
-def _algorithm(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
+def _algorithm(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Finish:
     found = statistical.candidates(problem, settings)
     camera = first_camera(problem, found[0].offset_s, found[0].frame_rate)
     model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
     fit = levenberg_marquardt(model, intersect(model, state), max_iterations=settings.max_iterations, progress=progress)
-    return replace(_paper_outcome(frames, fit), candidates=found)
+    return partial(_paper_outcome, frames, fit, found)
 
 
-def _paper_outcome(frames: Frames, fit: Fit) -> Outcome:
+def _paper_outcome(frames: Frames, fit: Fit, candidates: tuple[OffsetCandidate, ...] = ()) -> Outcome:
     """With the covariance that the residuals themselves suggest: the paper's metres have no sigma."""
     free = fit.model.order.n_band + fit.model.order.n_border + 3 * fit.model.frames.count * fit.model.pose.free
     redundancy = 2 * int(frames.seen.sum()) - free
@@ -83,14 +87,24 @@ def _paper_outcome(frames: Frames, fit: Fit) -> Outcome:
     return Outcome(
         model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,
         plain=Inverse(factor=factor, scale=2 * fit.cost / redundancy) if known and factor is not None else None,
+        candidates=candidates,
     )  # fmt: skip
 
 
-METHODS: dict[str, Callable[[Problem, SolverSettings, Frames, Progress | None], Outcome]] = {
-    "triangulation": triangulate,
+def _triangulation(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Finish:
+    found = triangulate(problem, settings, frames)
+    return lambda: found
+
+
+def _map(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Finish:
+    return partial(statistical.outcome, frames, statistical.adjust(problem, settings, frames, progress))
+
+
+METHODS: dict[str, Callable[[Problem, SolverSettings, Frames, Progress | None], Finish]] = {
+    "triangulation": _triangulation,
     "intersection": _intersection,
     "li": _li,
     "algorithm-1": _algorithm,
     "algorithm-2": _algorithm,
-    "map": statistical.adjust,
+    "map": _map,
 }

@@ -21,6 +21,9 @@ from pipeline.solver.model import Model, State, jerk_penalty
 
 WIDEST_CHANGE = 10.0
 """Factor by which a strength may change in one round."""
+WINDOW_S, SHRUNK, SLACK = 3.0, 6.0, 3.0
+"""The most likely strength is for a typical moment; brisk moments are what a stiff prior would flatten, so the prior is
+given this factor of slack. It costs little elsewhere: where sightings are dense they decide anyway."""
 SLACKEST_JERK, STIFFEST_JERK = 300.0, 0.03
 """m / s^2.5: nothing seen by cameras moves more wildly, or need be held more smoothly."""
 FASTEST_WALK, SLOWEST_WALK = 0.1, 1e-6
@@ -34,20 +37,37 @@ def renewed(strength: float, square: float, decided: float, low: float, high: fl
 
 
 def renewed_jerk(model: Model, state: State, covariance: Covariance) -> Floats:
-    """(N,) strengths of the white jerk of every spline, one round on."""
+    """(N, S) strengths of the white jerk of every spline, one round on.
+
+    Flight is not equally lively all the time: the strength is estimated over about WINDOW_S around every span, with
+    SHRUNK further rows that say what the whole flight says.
+    """
     out = model.priors.jerk.copy()
     for n, t in enumerate(model.basis.targets):
-        if t.kind != "spline" or not np.isfinite(out[n]):
+        if t.kind != "spline":
             continue
-        first, rows = jerk_penalty(model, n)
-        rows = rows / out[n]
+        first, rows, span = jerk_penalty(model, n)
         acting = first[:, None] + np.arange(rows.shape[1])
         value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
         place = model.order.coefficient[acting]
         spread = covariance.pairs(place[:, :, None, :], place[:, None, :, :])
-        undecided = float(np.einsum("pa,pabx,pb->", rows, spread, rows))
-        out[n] = renewed(out[n], float((value**2).sum()), value.size - undecided, STIFFEST_JERK, SLACKEST_JERK)
+        now = out[n, span]
+        square = (value**2).sum(axis=1) * now**2
+        decided = value.shape[1] - np.einsum("pa,pabx,pb->p", rows, spread, rows)
+        whole = square.sum() / max(float(decided.sum()), 1e-3)
+        reach = max(1, round(0.5 * WINDOW_S / float(np.median(2 * model.basis.half_s))))
+        near = (_around(square, reach) + SHRUNK * whole) / (np.maximum(_around(decided, reach), 0) + SHRUNK)
+        wanted = SLACK * np.sqrt(near)
+        changed = np.clip(wanted, now / WIDEST_CHANGE, now * WIDEST_CHANGE)
+        out[n, span] = np.clip(changed, STIFFEST_JERK, SLACKEST_JERK)
     return out
+
+
+def _around(value: Floats, reach: int) -> Floats:
+    """Sums of `value` (p,) over `reach` places to each side."""
+    total = np.concatenate([[0.0], np.cumsum(value)])
+    at = np.arange(len(value))
+    return np.asarray(total[np.minimum(at + reach + 1, len(value))] - total[np.maximum(at - reach, 0)])
 
 
 def renewed_walk(model: Model, state: State, covariance: Covariance) -> Floats:
