@@ -66,6 +66,8 @@ class Followed:
     usual    (score, share agreeing) of this target when all of it is seen
     pending  fixes after a loss that wait for confirmation; None while not in doubt
     lost_s   how long it has been hidden
+    scale_when_lost  image pixels for one of the first box's frame, when it was last seen
+    hidden, gone  not seen now; not looked for any more
     fixes, travelled_px  so far; the way is over the ground
     """
 
@@ -75,7 +77,9 @@ class Followed:
     coarse: Coarse | None
     usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
+    scale_when_lost: float = 1.0
     hidden: bool = False
+    gone: bool = False
     pending: tuple[Fix, ...] = ()
     fixes: int = 0
     travelled_px: float = 0.0
@@ -105,14 +109,16 @@ def follow(
     target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
+    if target.gone:
+        return target, ()
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
     target = replace(target, course=course, linear=jacobian @ target.linear)
     if target.hidden:
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, image, settings)
     if found is None:
-        gone = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
-        return gone, ()
+        lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
+        return replace(lost, scale_when_lost=_scale(target.linear)), ()
     target = _learned(target, image, found, scene, settings)
     fix = _fix(frame, found)
     if not target.pending:
@@ -151,7 +157,9 @@ def _searched(
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """A hidden target: the whole region in which it can be."""
     target = replace(target, lost_s=target.lost_s + scene.dt_s)
-    if target.lost_s > settings.longest_loss_s or not _in_view(target.course, image):
+    if target.lost_s > settings.longest_loss_s or not _can_return(target, image):
+        return replace(target, gone=True), ()
+    if not _in_view(target.course, image):
         return target, ()
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     reach = 4.0 + 3.0 * target.course.sigma_px
@@ -166,6 +174,18 @@ def _searched(
     return replace(_learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found),)), ()
 
 
+def _scale(linear: Floats) -> float:
+    return float(np.sqrt(abs(np.linalg.det(linear))))
+
+
+def _can_return(target: Followed, image: Image) -> bool:
+    """Whether where it must be is still known: not far outside the image, where the background's motion is a guess."""
+    height, width = image.shape[:2]
+    x, y = target.course.position_px
+    near = -width < x < 2 * width and -height < y < 2 * height
+    return bool(near and 0.5 < _scale(target.linear) / target.scale_when_lost < 2.0)
+
+
 def _in_view(course: Course, image: Image) -> bool:
     height, width = image.shape[:2]
     slack = 3.0 * course.sigma_px + 10.0
@@ -176,7 +196,7 @@ def _in_view(course: Course, image: Image) -> bool:
 def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
     """Verification: it looks like the target, most of it is there, and it is where it can be."""
     size = float(np.sqrt(np.prod(target.template.size_px)))
-    scale = np.sqrt(abs(np.linalg.det(found.warp.linear)))
+    scale = _scale(found.warp.linear)
     gate = GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
     seen = np.array([found.score, found.agreeing])
     return (
@@ -187,7 +207,7 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
         )
         and found.inside >= LEAST_INSIDE
         and bool(np.hypot(*(found.warp.centre_px - target.course.position_px)) < gate)
-        and 0.7 < scale / np.sqrt(abs(np.linalg.det(target.linear))) < 1.4
+        and 0.7 < scale / _scale(target.linear) < 1.4
     )
 
 
