@@ -1,10 +1,10 @@
 """A scene as a folder of files that a user could have brought home from a real flight.
 
-flight.toml           what the user knows: instruments' worth, first boxes, nothing of the other camera's clock
-uav1.mp4, uav2.mp4    H.264
-uav1.tlog, uav2.tlog  MAVLink 2
-board-camera/         checkerboard photos; both UAVs carry the same camera, `runningfix calibrate` makes camera.json
-truth/truth.json      for judging, not for processing
+flight.toml               what the user knows: instruments' worth, first boxes, nothing of the other camera's clock
+uav1.mp4, uav2.mp4        H.264
+uav1.tlog, uav2.tlog      MAVLink 2
+board-uav1/, board-uav2/  checkerboard photos through each camera's lens; `runningfix calibrate` makes uav1.json ...
+truth/truth.json          for judging, not for processing
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ from pipeline.synthetic.vehicles import outline_enu_m
 from pipeline.synthetic.video import write_video
 
 Progress = Callable[[str, int, int], None]
-CALIBRATION = "camera"
 BOARD = PrintedBoard()
 FIRST_FRAME_BOOT_S = (412.345, 187.62)
 UTC_ZERO_S = 1748770200.0
@@ -73,7 +72,7 @@ def write_flight(
     for index, camera in enumerate(scene.cameras):
         log = _recording(scene, index, noise, seed)
         write_whole(folder / f"{camera.name}.tlog", tlog_bytes(log, system=index + 1, seed=seed + index))
-    _write_photos(scene, folder / f"board-{CALIBRATION}", seed, quality)
+        _write_photos(camera, folder / f"board-{camera.name}", seed + index, quality)
     _write_videos(scene, folder, seed, quality, progress)
     truth = true_flight(scene)
     write_truth(folder, scene, truth)
@@ -92,9 +91,8 @@ def _recording(scene: Scene, index: int, noise: Noise, seed: int) -> Recording:
     return record(camera, scene.origin, clock, noise=noise, rng=np.random.default_rng([seed, 8, index]))
 
 
-def _write_photos(scene: Scene, folder: Path, seed: int, quality: Quality) -> None:
-    lens = scene.cameras[0].lens
-    for number, photo in enumerate(photos(lens, BOARD, count=quality.photos, seed=seed)):
+def _write_photos(camera: SceneCamera, folder: Path, seed: int, quality: Quality) -> None:
+    for number, photo in enumerate(photos(camera.lens, BOARD, count=quality.photos, seed=seed)):
         _, packed = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, quality.jpeg])
         write_whole(folder / f"photo-{number + 1:02d}.jpg", packed.tobytes())
 
@@ -187,8 +185,8 @@ def _head(origin: Geodetic, reference: str) -> str:
     lat, lon = (float(np.degrees(angle)) for angle in (origin.lat_rad, origin.lon_rad))
     return (
         "# Rendered by `runningfix demo`: two UAVs whose clocks know nothing of each other watch four vehicles.\n"
-        f"# camera.json: runningfix calibrate board-{CALIBRATION} --board {BOARD.columns}x{BOARD.rows}"
-        f" --square-mm {BOARD.square_m * 1000:g} -o {CALIBRATION}.json\n"
+        f"# First: runningfix calibrate board-uav1 --board {BOARD.columns}x{BOARD.rows}"
+        f" --square-mm {BOARD.square_m * 1000:g} -o uav1.json, and the same for uav2.\n"
         "[flight]\n"
         f"origin = {{ lat = {lat:.7f}, lon = {lon:.7f}, height = {origin.height_m:g} }}\n"
         f'reference_camera = "{reference}"\n'
@@ -201,7 +199,7 @@ def _camera_table(camera: SceneCamera, noise: Noise) -> str:
     fixed = f"{{ roll_deg = {roll}, pitch_deg = {pitch}, yaw_deg = {yaw} }}"
     return (
         f"[cameras.{camera.name}]\n"
-        f'calibration = "{CALIBRATION}.json"\n'
+        f'calibration = "{camera.name}.json"\n'
         f'video = "{camera.name}.mp4"\n'
         f'telemetry = "{camera.name}.tlog"\n'
         'start = "camera-event"\n'

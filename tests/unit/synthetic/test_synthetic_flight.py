@@ -48,8 +48,10 @@ def digests(folder):
 
 def test_everything_a_user_brings_home_is_there(folder):
     assert set(digests(folder)) == {
-        "board-camera/photo-01.jpg",
-        "board-camera/photo-02.jpg",
+        "board-uav1/photo-01.jpg",
+        "board-uav1/photo-02.jpg",
+        "board-uav2/photo-01.jpg",
+        "board-uav2/photo-02.jpg",
         "flight.toml",
         "truth/truth.json",
         "uav1.mp4",
