@@ -16,7 +16,7 @@ FADED, LONGER, FEWEST = 0.1, 4, 12
 
 
 def memory_frames(series: Floats, known: Floats) -> int:
-    """Frames until the autocorrelation of `series` (n, k) falls below FADED; rows whose `known` (n,) is zero are out."""
+    """Frames until the autocorrelation of `series` (n, k) falls below FADED; rows not `known` (n,) are out."""
     masked = series * known[:, None]
     power = float((masked**2).sum()) / max(float(known.sum()), 1.0)
     lag = 1

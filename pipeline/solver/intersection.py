@@ -43,7 +43,7 @@ def intersect_weighted(model: Model, state: State) -> State:
     A camera's unknown constant rotation counts as noise here, or the motion would bend to please every camera.
     """
     precision = model.priors.camera_precision[:, ROT].min(axis=1)
-    bias_rad: Floats = np.where(precision > 0, 1 / np.sqrt(np.maximum(precision, 1e-12)), 0.0)
+    bias_rad = np.asarray(np.where(precision > 0, 1 / np.sqrt(np.maximum(precision, 1e-12)), 0.0))
     found = intersect(model, state)
     for _ in range(REWEIGHTED):
         frames = scaled_metric(model.frames, distance_m(model, found), bias_rad)
@@ -56,8 +56,8 @@ def distance_m(model: Model, state: State) -> Floats:
     frames = model.frames
     time = common_time_s(frames, model.drift, state.camera, state.deviation)
     away = model.basis.position(time, state.coefficients) - frames.position_m[:, None]
-    distance = np.linalg.norm(away, axis=-1)
-    out = np.empty_like(distance)
+    distance: Floats = np.linalg.norm(away, axis=-1)
+    out: Floats = np.empty_like(distance)
     for c in range(len(frames.cameras)):
         own = distance[frames.of(c)]
         out[frames.of(c)] = np.maximum(own, max(1.0, 0.5 * float(np.median(own))))

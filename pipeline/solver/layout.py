@@ -33,6 +33,7 @@ class Frames:
     position_m    (F, 3) as measured
     pose_rate     (F, 6) rotation vector (camera axes, of cam_from_enu) and velocity by which the measured pose changes
                   per second of log time; None: no camera's poses can be moved in time
+    pose_shift_s  (F,) log time at which the poses were taken, from where the problem took them
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
     alike         (C,) sightings that count as one observation: their gain is divided by its root
@@ -48,6 +49,7 @@ class Frames:
     cam_from_enu: Floats
     position_m: Floats
     pose_rate: Floats | None
+    pose_shift_s: Floats
     ray: Floats
     gain: Floats
     seen: Bools
@@ -104,11 +106,12 @@ def pack(problem: Problem) -> Frames:
         camera=np.repeat(np.arange(len(count)), count),
         frame=np.concatenate([c.poses.frame for c in problem.cameras]),
         video_s=video,
-        cam_from_enu=np.concatenate(
-            [rotation.matrix(rotation.conjugate(c.poses.enu_from_cam)) for c in problem.cameras]
+        cam_from_enu=np.ascontiguousarray(
+            rotation.matrix(rotation.conjugate(np.concatenate([c.poses.enu_from_cam for c in problem.cameras])))
         ),
         position_m=np.concatenate([c.poses.position_enu_m for c in problem.cameras]),
         pose_rate=None,
+        pose_shift_s=np.zeros(sum(count)),
         ray=ray,
         gain=gain,
         seen=np.isfinite(sigma),
