@@ -36,7 +36,7 @@ MAY_HAVE_STOPPED_S = 5.0
 NEW_SCORE = 0.42
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
-SIGMA_FLOOR_PX, SIGMA_SCALE = 0.05, 1.0
+SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +120,7 @@ def follow(
         lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
         return replace(lost, scale_when_lost=_scale(target.linear)), ()
     target = _learned(target, image, found, scene, settings)
-    fix = _fix(frame, found)
+    fix = _fix(frame, found, target)
     if not target.pending:
         return target, (fix,)
     pending = (*target.pending, fix)
@@ -171,7 +171,9 @@ def _searched(
     if target.lost_s < MAY_HAVE_STOPPED_S and _part_of_scene(target, found, scene):
         return target, ()
     target = replace(target, hidden=False, coarse=None)
-    return replace(_learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found),)), ()
+    return replace(
+        _learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found, target),)
+    ), ()
 
 
 def _scale(linear: Floats) -> float:
@@ -228,7 +230,7 @@ def _learned(
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
     usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
-    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found)))
+    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found, template.size_px)))
     return replace(
         target,
         template=template,
@@ -280,13 +282,25 @@ def _inside_image(point_px: Floats, image: Image) -> bool:
     return bool(np.all(point_px >= 0) and point_px[0] < image.shape[1] and point_px[1] < image.shape[0])
 
 
-def _fix(frame: int, found: Alignment) -> Fix:
+def _fix(frame: int, found: Alignment, target: Followed) -> Fix:
     x, y = found.warp.centre_px
     return Fix(
-        frame=frame, xy_px=(float(x), float(y)), linear=found.warp.linear, sigma_px=_sigma_px(found), score=found.score
+        frame=frame,
+        xy_px=(float(x), float(y)),
+        linear=found.warp.linear,
+        sigma_px=_sigma_px(found, target.template.size_px),
+        score=found.score,
     )
 
 
-def _sigma_px(found: Alignment) -> float:
+def _sigma_px(found: Alignment, size_px: tuple[float, float]) -> float:
+    """Of a fix, per axis: a floor, the match's own uncertainty, and what a changed view does to a solid thing.
+
+    The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
+    from one frame to the next.
+    """
     variance = float(np.trace(found.covariance_px2)) / 2
-    return float(np.sqrt(SIGMA_FLOOR_PX**2 + SIGMA_SCALE**2 * variance))
+    larger, smaller = np.linalg.svd(found.warp.linear, compute_uv=False)
+    changed = abs(np.log(larger * smaller)) / 2 + np.log(larger / smaller)
+    view = VIEW_SHARE * changed * float(np.sqrt(np.prod(size_px) * larger * smaller))
+    return float(np.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2))
