@@ -12,6 +12,7 @@ Six methods over one residual, one clock and one motion basis:
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -63,7 +64,7 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     frames = pack(problem)
     method = METHODS[settings.method]
     starts = candidates(problem, settings)
-    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=progress)
+    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
     _kernels.warm()
     began = time.perf_counter()
     found = method(asked)
@@ -72,6 +73,14 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders)
     return replace(solution, findings=(*solution.findings, *left_open))
+
+
+def _counted(progress: Progress | None) -> Progress | None:
+    """Iterations counted through all stages of a method, each of which counts its own."""
+    if progress is None:
+        return None
+    count = itertools.count(1)
+    return lambda _, cost: progress(next(count), cost)
 
 
 def _intersection(asked: Asked) -> Finish:
