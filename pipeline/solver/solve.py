@@ -28,7 +28,7 @@ from pipeline.solver.covariance import Inverse
 from pipeline.solver.findings import find_degeneracies
 from pipeline.solver.intersection import intersect
 from pipeline.solver.layout import Frames, metric, pack
-from pipeline.solver.levenberg import Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.model import Model, State
 from pipeline.solver.moving_poses import renewing
 from pipeline.solver.results import Outcome, solution_of
@@ -36,6 +36,8 @@ from pipeline.solver.start import FIRST_ORDER, first_camera, first_choice, first
 from pipeline.solver.triangulation import triangulate
 
 LI_ROUNDS = 500
+EARLY = 1e-3
+"""Relative change of the cost that ends `algorithm-2`; see `start.pose_errors`."""
 Finish = Callable[[], Outcome]
 """What is left to do after the optimum is found: covariances."""
 
@@ -99,7 +101,8 @@ def _algorithm(asked: Asked) -> Finish:
     descent = Descent(
         max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=renewing(asked.problem)
     )
-    return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent))
+    small = EARLY if model.pose.free else SMALL
+    return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent, small=small))
 
 
 def _paper_start(asked: Asked, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> tuple[Model, State]:
