@@ -1,8 +1,11 @@
 """What a UAV's instruments measure of the truth: poses with a constant error and with noise at the log's own rates.
 
-The errors are those of `simulate`, drawn once per flight (bias) and once per logged sample (noise), so that sigmas
-mean the same for a drawn flight and for a written one. A mounted camera's attitude error shows in the body's logged
-attitude, a gimbal's in the gimbal's.
+The errors are those of `simulate`: one bias for the flight, and noise. As an autopilot's filters leave it, the noise
+wanders, with a memory of some tenths of a second in attitude and of a second in position, instead of being new in
+every sample. Its size is such that over a second or more it averages out exactly as noise that is independent from
+frame to frame with the sigma of the setting (the same spectral density at low frequencies), which is what such a sigma
+says in a flight file. A mounted camera's attitude error shows in the body's logged attitude, a gimbal's in the
+gimbal's.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ from pipeline.synthetic.simulate import Noise, disturbed
 
 POSITION_HZ = 10
 ATTITUDE_HZ = 50
+ATTITUDE_MEMORY_S, POSITION_MEMORY_S = 0.15, 0.5
+"""Sigma of the Gaussian that white noise is smoothed with: what is 3 of them apart is all but independent."""
 BEFORE_S, AFTER_S = 4.0, 3.0
 UNDULATION_M = -16.97
 """Mean sea level above the ellipsoid at the scenes' origin (EGM96)."""
@@ -71,8 +76,12 @@ def record(
     rotation_bias = noise.attitude_bias_rad * rng.normal(size=3)
     position_bias = noise.position_bias_m * rng.normal(size=3)
     place, _ = body_pose(camera.platform, slow - clock.boot_zero_s)
-    shift = position_bias + noise.position_m * rng.normal(size=place.shape)
-    turn = rotation_bias + noise.attitude_rad * rng.normal(size=(len(fast), 3))
+    shift = position_bias + noise.position_m * wandering(
+        len(slow), rate_hz=POSITION_HZ, memory_s=POSITION_MEMORY_S, frame_hz=camera.frame_rate, rng=rng
+    )
+    turn = rotation_bias + noise.attitude_rad * wandering(
+        len(fast), rate_hz=ATTITUDE_HZ, memory_s=ATTITUDE_MEMORY_S, frame_hz=camera.frame_rate, rng=rng
+    )
     body, gimbal = _measured_attitudes(camera.platform, fast - clock.boot_zero_s, turn)
     local = _local_from_origin_ned(camera.platform, fast - clock.boot_zero_s, origin)
     return Recording(
@@ -87,6 +96,20 @@ def record(
         first_frame_s=float(first),
         noise=noise,
     )
+
+
+def wandering(count: int, *, rate_hz: float, memory_s: float, frame_hz: float, rng: np.random.Generator) -> Floats:
+    """Smooth noise (count, 3) at `rate_hz` that averages out like independent unit noise at `frame_hz`.
+
+    White noise of variance rate / frame rate under a Gaussian of sum 1 and width `memory_s`; sampled at the frames,
+    each value alone has the variance 1 / (2 sqrt(pi) memory_s frame_hz).
+    """
+    memory = rate_hz * memory_s
+    reach = int(np.ceil(4 * memory))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / memory) ** 2)
+    kernel *= np.sqrt(rate_hz / frame_hz) / kernel.sum()
+    white = rng.normal(size=(count + 2 * reach, 3))
+    return np.stack([np.convolve(column, kernel, mode="valid") for column in white.T], axis=1)
 
 
 def _stamps(start_s: float, end_s: float, rate_hz: int) -> Floats:
