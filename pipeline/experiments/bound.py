@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -148,7 +149,7 @@ class Bound:
 
     def mean_m(self, target: int = 0) -> float:
         """Mean length of the 3D error over all viewpoints, of errors with a normal distribution."""
-        return float(np.mean([mean_length(c) for c in self.viewpoints[target]]))
+        return float(mean_length(self.viewpoints[target]).mean())
 
 
 def camera_jacobian(rows: CameraRows, who: Unknowns, camera: int) -> Floats:
@@ -244,18 +245,23 @@ def viewpoint_covariances(who: Unknowns, rows: Sequence[CameraRows], covariance:
     return tuple(out)
 
 
-def mean_length(covariance: Floats) -> float:
-    """Mean length of a normal vector of zero mean and covariance (3, 3), by one integral.
+@cache
+def _nodes() -> tuple[Floats, Floats]:
+    """Nodes q and weights of the integral over q = sqrt(s) from zero to infinity."""
+    node, weight = np.polynomial.legendre.leggauss(80)
+    x = (node + 1) / 2
+    return x / (1 - x), weight / 2 / (1 - x) ** 2
 
-    E|e| = (1 / 2 sqrt(pi)) int_0^inf (1 - prod (1 + 2 s v_i)^-1/2) s^-3/2 ds, v_i the eigenvalues.
+
+def mean_length(covariance: Floats) -> Floats:
+    """Mean length (m,) of normal vectors of zero mean and covariances (m, 3, 3), by one integral.
+
+    E|e| = (1 / 2 sqrt(pi)) int_0^inf (1 - prod (1 + 2 s v_i)^-1/2) s^-3/2 ds, v_i the eigenvalues; with s = q^2 in
+    units of the trace.
     """
     values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
-    total = float(values.sum())
-    if total <= 0:
-        return 0.0
-    node, weight = np.polynomial.legendre.leggauss(80)
-    x = (node + 1) / 2  # s = (x / (1 - x))^2, scaled by the trace
-    q = x / (1 - x)
-    drop = 1 - np.prod(1 / np.sqrt(1 + 2 * q[:, None] ** 2 * values / total), axis=1)
-    integral = float((weight / 2 * drop * 2 / q**2 / (1 - x) ** 2).sum())
-    return integral * float(np.sqrt(total)) / (2 * float(np.sqrt(np.pi)))
+    total = np.maximum(values.sum(axis=1), 1e-300)
+    q, weight = _nodes()
+    share = values / total[:, None]
+    drop = 1 - np.prod(1 / np.sqrt(1 + 2 * q[:, None] ** 2 * share[:, None, :]), axis=2)
+    return np.asarray((drop * (weight / q**2)).sum(axis=1) * np.sqrt(total / np.pi))

@@ -33,6 +33,6 @@ def _on_cluster(address: str, jobs: Sequence[Job]) -> Iterator[tuple[int, Any]]:
     with client:
         futures = client.map(perform, list(jobs), pure=False)
         number = {future.key: i for i, future in enumerate(futures)}
-        for future, result in as_completed(futures, with_results=True):
+        for future, result in as_completed(futures, loop=client.loop, with_results=True):
             yield number[future.key], result
             future.release()
