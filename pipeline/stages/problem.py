@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from pipeline.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import Flight
 from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
 from pipeline.stages.measured import MeasuredPoses
+from pipeline.stages.tracks import place_sigma_px
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,6 +73,7 @@ def build_problem(
             continue
         _check_inside(flight, models[pose.camera], own)
         rays, lost = sight_rays(models[pose.camera], pose.camera, own, names)
+        rays = replace(rays, place_sigma_px=place_sigma_px(flight, flight.camera(pose.camera)))
         if lost:
             notes.append(f"{pose.camera}: {lost} fixes left out, the lens model maps no direction to them")
         inputs.append(_camera(flight, pose, rays, measured))
