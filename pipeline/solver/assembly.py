@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.arrays import Floats, Ints
-from pipeline.solver.blocks import BLOCK_PARAMETERS, LOCAL_COLUMNS, Blocks, partition
+from pipeline.solver.blocks import Blocks, partition
 from pipeline.solver.bordered import Bordered
 from pipeline.solver.elimination import At, BlockNormals, block_normals, frame_steps
 from pipeline.solver.model import Model, State, drift_penalty, jerk_penalty
@@ -45,6 +45,7 @@ def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[
         bias=np.ascontiguousarray(state.camera[:, :6]),
         focal=np.ascontiguousarray(state.camera[:, FOCAL]),
         own=state.own,
+        camera=state.camera,
     )
     return blocks, at
 
@@ -77,8 +78,9 @@ def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floa
     """(b, L, G): the chain rule from the unknowns of `global_places` to the local ones."""
     basis, span = model.basis, blocks.span[low:high]
     powers = basis.degree + 1
-    width = 3 * sum(t.degree + 1 for t in basis.targets) + BLOCK_PARAMETERS
-    out = np.zeros((high - low, 3 * powers * len(basis.targets) + LOCAL_COLUMNS, width))
+    _, columns, parameters = blocks.local_from_camera.shape
+    width = 3 * sum(t.degree + 1 for t in basis.targets) + parameters
+    out = np.zeros((high - low, 3 * powers * len(basis.targets) + columns, width))
     row = column = 0
     for t in basis.targets:
         for _ in range(3):

@@ -35,6 +35,7 @@ class Frames:
                   per second of log time; None: no camera's poses can be moved in time
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
+    place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
     alike         (C,) sightings that count as one observation: their gain is divided by its root
     angular       true: divided by the depth
     """
@@ -53,6 +54,8 @@ class Frames:
     seen: Bools
     sigma_px: Floats
     alike: Floats
+    place_gain: Floats
+    place_share: Floats
     angular: bool
 
     @property
@@ -91,12 +94,20 @@ def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, F
     return ray, gain, sigma, video
 
 
+def _share(video_s: Floats) -> Floats:
+    """Video times scaled to -1 at the first and 1 at the last."""
+    low, high = video_s.min(), video_s.max()
+    return np.asarray((2 * video_s - low - high) / max(high - low, 1e-9))
+
+
 def pack(problem: Problem) -> Frames:
     """The observations of `problem`, with the reprojection error in sigmas as residual."""
     index = {t.target: i for i, t in enumerate(problem.targets)}
     parts = [_camera_arrays(c, index) for c in problem.cameras]
+    alike = np.array([c.rays.alike for c in problem.cameras])
     ray, gain, sigma, video = (np.concatenate([p[i] for p in parts]) for i in range(4))
     count = [len(c.poses.frame) for c in problem.cameras]
+    root = np.repeat(np.sqrt(alike), count)
     return Frames(
         cameras=tuple(c.camera for c in problem.cameras),
         targets=tuple(index),
@@ -113,7 +124,9 @@ def pack(problem: Problem) -> Frames:
         gain=gain,
         seen=np.isfinite(sigma),
         sigma_px=sigma,
-        alike=np.array([c.rays.alike for c in problem.cameras]),
+        alike=alike,
+        place_gain=np.where(np.isfinite(sigma), 1 / (sigma * root[:, None]), 0.0),
+        place_share=np.concatenate([_share(p[3]) for p in parts]),
         angular=True,
     )
 

@@ -25,13 +25,15 @@ from pipeline.solver.covariance import Covariance, motion_band
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.motion_basis import motion_of
-from pipeline.solver.residuals import linearise
-from pipeline.solver.timing import FOCAL, OFFSET, POS, ROT, SCALE, common_time_s
+from pipeline.solver.residuals import linearise, place_shift
+from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, common_time_s
 
 NAMES = (
     "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
     "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s",
 )  # fmt: skip
+
+PLACE_NAMES = ("place_x_px", "place_x_drift_px", "place_y_px", "place_y_drift_px")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -168,6 +170,8 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, float]:
         part = frames.of(c)
         focal = state.camera[frames.camera[part], FOCAL]
         residual[part] = linearise(frames, part, position[part], error[part], focal).residual
+        if state.camera.shape[1] > CAMERA_PARAMETERS:
+            residual[part] += place_shift(frames, part, state.camera)
     f, n = np.nonzero(frames.seen)
     sigmas = np.linalg.norm(residual[f, n], axis=-1)
     pixel = frames.sigma_px
@@ -205,12 +209,13 @@ def _shared(
 ) -> tuple[tuple[str, ...], Floats | None]:
     """Names of the cameras' free parameters and their covariance, frame rates in Hz and focal lengths as scales."""
     names, places, unit = [], [], []
+    order_names = (*NAMES, *(f"{t}.{word}" for t in model.frames.targets for word in PLACE_NAMES))
     for c, camera in enumerate(problem.cameras):
-        units = np.ones(len(NAMES))
+        units = np.ones(len(order_names))
         units[SCALE] = -camera.frame_rate / (1 + state.camera[c, SCALE]) ** 2
         units[FOCAL] = np.exp(state.camera[c, FOCAL])
         for k in np.flatnonzero(model.order.camera[c] >= 0):
-            names.append(f"{camera.camera}.{NAMES[k]}")
+            names.append(f"{camera.camera}.{order_names[k]}")
             places.append(model.order.camera[c, k])
             unit.append(units[k])
     if covariance is None or not places:
