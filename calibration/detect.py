@@ -23,7 +23,7 @@ from calibration.views import BoardView
 COARSE_PX = (640, 1280)
 SECTOR_PX = 1280
 MIN_SEEN = 0.7
-REFINE_STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
+REFINE_STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 5e-4)
 
 
 def find_board(

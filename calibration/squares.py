@@ -55,7 +55,9 @@ def in_line(grid: Floats) -> Bools:
         off = flat - cv2.perspectiveTransform(plane[None], first)[0]
         off = off - terms @ np.linalg.lstsq(terms[good], off[good], rcond=None)[0]
         far = np.linalg.norm(off, axis=1)
-        good = far < max(0.5, 0.03 * spacing_px(grid), 5 * float(np.median(far)))
+        before, good = good, far < max(0.5, 0.03 * spacing_px(grid), 5 * float(np.median(far)))
+        if np.array_equal(before, good):
+            break
     return good.reshape(rows, cols)
 
 
@@ -86,7 +88,7 @@ def spacing_px(grid: Floats) -> float:
 def _edge_sigma(gray: cv2.typing.MatLike, middle: Floats, across: Floats) -> float:
     """Median sigma of the edges at `middle` (m, k, 2), profiles along `across` to 0.35 of it either side."""
     length = float(np.median(np.linalg.norm(across, axis=2))) * 0.7
-    count = int(np.clip(round(4 * length), 9, 161))
+    count = int(np.clip(round(3 * length), 9, 61))
     place = np.linspace(-0.35, 0.35, count)
     tone = _sample(gray, middle[..., None, :] + place[:, None] * across[..., None, :])
     step = np.abs(tone[..., -1] - tone[..., 0])

@@ -15,7 +15,7 @@ SOLVABLE = (
     "Solvable says whether the paper's count holds for Algorithm 2: with N targets of order K, C cameras and F frames "
     "in all, (2 N - 3) F \u2265 3 N (K + 1) + 2 C."
 )
-GEOMETRY = PAPER_ARCS.words() + "; offset 4 frames; order 1"
+GEOMETRY = PAPER_ARCS.words() + "; offset 5 frames; order 1"
 
 
 def solvable(targets: int, order: int, cameras: int, frames: int) -> str:

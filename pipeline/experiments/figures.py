@@ -95,12 +95,23 @@ def _over_algorithm_1(outcome: Outcome, e: Entry) -> Figure:
     return Figure(value=ratio, error=error, published=published, bound=e.bound_m / float(theirs.mean()))
 
 
+def _median_over_algorithm_1(outcome: Outcome, e: Entry) -> Figure:
+    """Ratio of the median errors: of typical flights, where single ones go far astray."""
+    base = outcome.entry(e.cell, outcome.experiment.approach("Algorithm 1"))
+    names = outcome.experiment.approaches
+    printed = outcome.experiment.cells[e.cell].published
+    published = printed.get(names[e.approach].name, NOTHING) / printed.get("Algorithm 1", NOTHING)
+    typical = NOTHING if base is None else base.median_m
+    return Figure(value=e.median_m / typical, published=published, bound=e.bound_m / typical)
+
+
 FIGURES: dict[str, Callable[[Outcome, Entry], Figure]] = {
     "error_m": _error,
     "offset_frames": _offset,
     "offset_rms_frames": _offset_rms,
     "over_bound": _over_bound,
     "over_algorithm_1": _over_algorithm_1,
+    "median_over_algorithm_1": _median_over_algorithm_1,
     "nees": _nees,
     "iterations": _iterations,
     "seconds": _seconds,
@@ -114,6 +125,6 @@ def words(value: float, digits: int = 3) -> str:
     if not math.isfinite(value):
         return "\u2013"
     if value != 0 and not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.1e}"
+        return f"{value:.1e}".replace("-", "\u2212")
     text = f"{value:#.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
     return text.rstrip(".").replace("-", "\u2212")

@@ -33,7 +33,7 @@ def bound() -> Experiment:
         paper="",
         about="Root mean square error over the least that any method can have on average under this noise: the inverse "
         "of the Fisher information of sightings and priors at the truth. One is perfect.",
-        geometry=PAPER_ARCS.words() + "; offset 4 frames",
+        geometry=PAPER_ARCS.words() + "; offset 5 frames",
         cells=cells,
         approaches=(MULTI_TI, LI, ALGORITHM_1, ALGORITHM_2, MAP),
         drawings=(
@@ -106,7 +106,7 @@ def priors() -> Experiment:
         about="`map` knows what the instruments are worth. Here one piece of that knowledge at a time is taken away "
         "(unknown: a sigma so wide that it says nothing), or the errors are denied (taken as exact), as the paper's "
         "methods do with biases. The offset is given with 0.05 s, the frame rate with 1 %.",
-        geometry=PAPER_ARCS.words() + "; offset 4 frames",
+        geometry=PAPER_ARCS.words() + "; offset 5 frames",
         cells=cells,
         approaches=(
             MAP,

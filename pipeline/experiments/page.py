@@ -111,18 +111,18 @@ def number_cell(value: float, error: float, published: float) -> Html:
 
 def axes_table(outcome: Outcome, axes: Axes) -> Html:
     """Root mean square errors by axis and in space, and the mean, in the form of the paper's Tables 3 and 4."""
-    names = ("\u03c3x east", "\u03c3y north", "\u03c3z up", "\u03c3 in space", "mean", "paper \u03c3")
+    names = ("\u03c3x east", "\u03c3y north", "\u03c3z up", "\u03c3 in space", "mean", "median", "paper \u03c3")
     top = tag("tr", tag("th", "method", scope="col"), *(tag("th", n, scope="col", class_="n") for n in names))
     rows, limit = [], None
     for a, approach in enumerate(outcome.experiment.approaches):
         entry = outcome.entry(axes.cell, a)
         if entry is not None:
-            figures = (*entry.axes_m, entry.rms_m, entry.error_m.mean, entry.published)
+            figures = (*entry.axes_m, entry.rms_m, entry.error_m.mean, entry.median_m, entry.published)
             cells = (tag("td", words(v), class_="n") for v in figures)
             rows.append(
                 tag("tr", tag("th", approach.name, scope="row"), *cells, class_="ours" if approach.ours else None)
             )
-            limit = (*entry.bound_axes_m, entry.bound_rms_m, entry.bound_m, float("nan"))
+            limit = (*entry.bound_axes_m, entry.bound_rms_m, entry.bound_m, float("nan"), float("nan"))
     if limit is not None:
         rows.append(
             tag(

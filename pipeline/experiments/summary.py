@@ -35,7 +35,7 @@ class Entry:
     """One approach in one cell.
 
     runs, solved, converged  how many were flown, had an answer, and said they had converged
-    error_m    the paper's measure; rms_m root mean square of the same
+    error_m    the paper's measure; median_m its median; rms_m root mean square
     axes_m     (3,) root mean square by axis
     worse_m    this approach's error less the reference's, run by run
     bound_*    what no method can be better than; NaN where there is none
@@ -48,6 +48,7 @@ class Entry:
     converged: int
     error_m: Estimate
     worse_m: Estimate
+    median_m: float
     rms_m: float
     rms_error_m: float
     axes_m: tuple[float, float, float]
@@ -143,6 +144,7 @@ def _entry(experiment: Experiment, cell: int, approach: int, runs: Floats, limit
         cell=cell, approach=approach, runs=len(own), solved=int(np.isfinite(error).sum()),
         converged=int(own[:, place("converged")].sum()),
         error_m=estimate(error), worse_m=estimate(error - rival[:, place("error_m")]),
+        median_m=float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nothing,
         rms_m=rms, rms_error_m=mean_square.error / (2 * rms) if rms > 0 else nothing,
         axes_m=(axes[0], axes[1], axes[2]),
         offset_s=estimate(own[:, place("offset_error_s")]), rate=estimate(own[:, place("rate_error")]),

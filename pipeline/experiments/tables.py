@@ -9,9 +9,9 @@ from pipeline.experiments.measure import MEASURES
 from pipeline.experiments.summary import Entry, Outcome
 
 SUMMARY = (
-    "runs", "solved", "converged", "error_m", "error_standard_error_m", "error_deviation_m", "published",
-    "bound_error_m", "rms_m", "bound_rms_m", "rms_over_bound", "rms_over_bound_standard_error", "east_rms_m",
-    "north_rms_m", "up_rms_m", "bound_east_m", "bound_north_m", "bound_up_m", "error_less_reference_m",
+    "runs", "solved", "converged", "error_m", "error_standard_error_m", "error_deviation_m", "median_error_m",
+    "published", "bound_error_m", "rms_m", "bound_rms_m", "rms_over_bound", "rms_over_bound_standard_error",
+    "east_rms_m", "north_rms_m", "up_rms_m", "bound_east_m", "bound_north_m", "bound_up_m", "error_less_reference_m",
     "error_less_reference_standard_error_m", "against_reference", "offset_error_mean_s", "offset_error_deviation_s",
     "bound_offset_s", "rate_error_mean", "rate_error_deviation", "bound_rate", "nees_per_degree_of_freedom",
     "nees_standard_error", "iterations",
@@ -34,7 +34,16 @@ def results_csv(outcome: Outcome) -> str:
 
 
 def _summary(e: Entry) -> Iterator[float | int | str]:
-    yield from (e.runs, e.solved, e.converged, e.error_m.mean, e.error_m.error, e.error_m.deviation, e.published)
+    yield from (
+        e.runs,
+        e.solved,
+        e.converged,
+        e.error_m.mean,
+        e.error_m.error,
+        e.error_m.deviation,
+        e.median_m,
+        e.published,
+    )
     yield from (e.bound_m, e.rms_m, e.bound_rms_m, e.over_bound, e.over_bound_error, *e.axes_m, *e.bound_axes_m)
     yield from (e.worse_m.mean, e.worse_m.error, e.against_reference(), e.offset_s.mean, e.offset_s.deviation)
     yield from (e.bound_offset_s, e.rate.mean, e.rate.deviation, e.bound_rate, e.nees.mean, e.nees.error)

@@ -59,7 +59,7 @@ def _strongest(matrix: Floats, names: tuple[str, ...]) -> Html:
 def _heat_map(matrix: Floats, names: tuple[str, ...]) -> Html:
     n = len(names)
     margin = 8 + 6.6 * max(len(w) for w in names)
-    cell = float(np.clip((SIDE - margin) / n, 15.0, 34.0))
+    cell = float(np.clip((SIDE - margin) / n, 15.0, 38.0))
     size, letters = cell * n, min(12.0, cell * 0.8)
     marks = []
     for i in range(n):

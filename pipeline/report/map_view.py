@@ -6,6 +6,7 @@ are so far away that the first one must be small.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,7 +86,7 @@ def _map(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tuple[
         *(_truth(results, sheet, t.target) for t in tracks),
         *(_target(results, sheet, t, every) for t in tracks),
         *_names(results, sheet, tracks, paths),
-        _scale_bar(sheet),
+        _scale_bar(sheet, tracks),
         _north_arrow(sheet),
         *_moving_dots(results, paths),
     ]
@@ -236,7 +237,7 @@ def _names(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tupl
     inside = [
         (p, w, c) for p, w, c in ends if np.isfinite(p).all() and 0 <= p[0] <= sheet.width and 0 <= p[1] <= sheet.height
     ]
-    taken = [*_furniture(sheet), *_lines_as_boxes(sheet, tracks)]
+    taken = [*_furniture(sheet), *_lines_as_boxes(sheet, [*tracks, *paths])]
     spots = place([(float(p[0]), float(p[1]), w) for p, w, _ in inside], sheet.width, sheet.height, taken)
     return [
         tag("text", words, x=x, y=y, text_anchor=anchor, class_=f"label {c}")
@@ -248,13 +249,14 @@ def _furniture(sheet: Sheet) -> list[Box]:
     return [(sheet.width - 50, 0, sheet.width, 64), (0, sheet.height - 64, 240, sheet.height), (0, 0, 80, 24)]
 
 
-def _lines_as_boxes(sheet: Sheet, tracks: list[Trajectory]) -> list[Box]:
-    """Small boxes along the trajectories, for names to keep clear of."""
+def _lines_as_boxes(sheet: Sheet, tracks: Sequence[Trajectory | CameraPath]) -> list[Box]:
+    """Small boxes along the paths, for names to keep clear of."""
     along = [sheet.px(t.position_enu_m[_evenly_along(t.position_enu_m[:, :2], 60)]) for t in tracks]
     return [(x - 4, y - 4, x + 4, y + 4) for px in along for x, y in px.tolist() if x == x and y == y]
 
 
-def _scale_bar(sheet: Sheet) -> Html:
+def _scale_bar(sheet: Sheet, tracks: list[Trajectory]) -> Html:
+    """Bottom left, or bottom right where that hides less of the trajectories."""
     step = nice_step(sheet.width / sheet.scale, 7)
     long = step * sheet.scale
     y = sheet.height - 34
@@ -263,7 +265,9 @@ def _scale_bar(sheet: Sheet) -> Html:
         "text", f"{tick_words(step, 0 if step >= 1 else 2)} m", x=long / 2, y=-8, text_anchor="middle", class_="name"
     )
     back = tag("rect", x=-8, y=-24, width=long + 16, height=30, class_="frame clear")
-    return tag("g", back, bar, words, transform=f"translate(44 {y:.0f})")
+    boxes = _lines_as_boxes(sheet, tracks)
+    under = {x: sum(x - 20 < b[0] < x + long + 20 and b[3] > y - 30 for b in boxes) for x in (44, WIDTH - 44 - long)}
+    return tag("g", back, bar, words, transform=f"translate({min(under, key=under.__getitem__):.0f} {y:.0f})")
 
 
 def _north_arrow(sheet: Sheet) -> Html:

@@ -13,6 +13,8 @@ from calibration.arrays import Bools, Floats
 from pipeline.report.axes import Scale
 from pipeline.report.markup import Html, joined, path, specks, tag
 
+EDGE = 12
+
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
@@ -44,7 +46,7 @@ def panel(
     top: int = 12,
 ) -> Panel:
     """A panel over the ranges `x` and `y`; `equal` widens one of them until a unit is as long on both axes."""
-    inner_w, inner_h = width - left - 12, height - top - 40
+    inner_w, inner_h = width - left - EDGE, height - top - 40
     if equal:
         unit = max((x[1] - x[0]) / inner_w, (y[1] - y[0]) / inner_h)
         x, y = _widened(x, unit * inner_w), _widened(y, unit * inner_h)
@@ -141,7 +143,8 @@ def _x_axis(p: Panel, count: int) -> list[Html]:
     for value, words in p.x.ticks(count):
         at = p.x.at(value)
         out.append(tag("line", x1=at, x2=at, y1=0, y2=h, class_="grid"))
-        out.append(tag("text", words, x=at, y=h + 16, text_anchor="middle"))
+        held = min(at, w + EDGE - 3.2 * len(words))
+        out.append(tag("text", words, x=held, y=h + 16, text_anchor="middle"))
     return out
 
 

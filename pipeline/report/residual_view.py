@@ -31,7 +31,11 @@ def residual_figures(results: Results) -> Html:
         return note("No residuals are recorded.")
     whole_table = _camera_table(results)
     legend = target_legend(results, key("expected", "expected of a right model"))
-    return joined(whole_table, legend, *(_camera(results, c) for c in cast.cameras(results)))
+    absorbed = note(
+        "Poses that are corrected frame by frame take up a part of every residual: the histogram then rightly lies to "
+        "the left of the curve. Chi-square per degree of freedom allows for that."
+    )
+    return joined(whole_table, absorbed, legend, *(_camera(results, c) for c in cast.cameras(results)))
 
 
 def _camera_table(results: Results) -> Html:
@@ -174,7 +178,7 @@ def _cloud(results: Results, rows: Ints, reach: float, sigma_px: float) -> Html:
     marks += [_ring(p, k * sigma_px) for k in (1, 2, 3) if sigma_px > 0]
     return chart(
         p, marks, label="Residuals as a cloud, rings at 1, 2 and 3 sigma", title="Cloud, 1 2 3\u03c3",
-        x_label="right, px", y_label="up, px",
+        x_label="right, px", y_label="up, px", x_count=3,
     )  # fmt: skip
 
 

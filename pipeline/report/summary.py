@@ -14,6 +14,7 @@ from pipeline.report.markup import Html, joined, tag
 from pipeline.report.words import SIGMA, counted, listed, plus_minus, rounded, whole
 
 Grade = Literal["good", "care", "bad"]
+LEAST_FIT, MOST_FIT = 0.7, 1.4
 MARKS: dict[Grade, str] = {"good": "\u2713", "care": "!", "bad": "\u2717"}
 
 
@@ -43,14 +44,27 @@ def verdict(results: Results) -> tuple[Grade, str]:
     solution = results.solution
     seen = f"{counted(len(results.trajectories), 'target')}, {counted(len(cast.cameras(results)), 'camera')}"
     if solution.status == "converged":
-        sure = any(math.isfinite(s) for s in typical_sigma_m(results).values())
-        return "good" if sure else "care", f"Converged: {seen}; {_positions(results)}.{_offsets(solution)}"
+        grade, opening = _doubt(results)
+        return grade, f"{opening}: {seen}; {_positions(results)}.{_offsets(solution)}"
     stopped = {"iteration-limit": f"after {counted(solution.iterations, 'iteration')}", "stalled": "without progress"}
     why = stopped.get(solution.status, "")
     return (
         "bad",
         f"Did not converge: stopped {why}. {seen}; the figures below are provisional and their sigmas too small.",
     )
+
+
+def _doubt(results: Results) -> tuple[Grade, str]:
+    """Grade and first words of a converged answer: it is not good where something contradicts its sigmas."""
+    if not any(math.isfinite(s) for s in typical_sigma_m(results).values()):
+        return "care", "Converged"
+    if any(abs(r.after) > 3 * r.sigma > 0 for r in results.comparison):
+        return "care", "Converged, but further from the truth than claimed"
+    if reduced_chi_square(results.solution) > MOST_FIT:
+        return "care", "Converged, but the residuals are larger than their sigmas promise"
+    if any(r.grade == "care" for r in _about_offsets(results.solution)):
+        return "care", "Converged, but other time offsets fit nearly as well"
+    return "good", "Converged"
 
 
 def _positions(results: Results) -> str:
@@ -107,7 +121,7 @@ def _about_fit(solution: Solution) -> list[Remark]:
     if not math.isfinite(ratio):
         return []
     tail = f"chi-square {rounded(solution.chi_square, 4)} with {whole(solution.degrees_of_freedom)} degrees of freedom"
-    if 0.7 <= ratio <= 1.4:
+    if LEAST_FIT <= ratio <= MOST_FIT:
         return [Remark(grade="good", subject="fit", words=f"Residuals are as large as their sigmas promise: {tail}.")]
     factor = rounded(math.sqrt(ratio))
     if ratio > 1:

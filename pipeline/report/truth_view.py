@@ -25,7 +25,7 @@ def truth_figures(results: Results) -> Html:
 
 
 def _comparison_table(rows: tuple[Comparison, ...]) -> Html:
-    head = ("error of", "unit", "before", "after", f"claimed 1{SIGMA}", "after, in sigmas", "better by")
+    head = ("error of", "unit", "before", "after", f"claimed 1{SIGMA}", "after, in sigmas", "before / after")
     body = [
         [
             r.what,
@@ -34,7 +34,7 @@ def _comparison_table(rows: tuple[Comparison, ...]) -> Html:
             _or_dash(r.after),
             _or_dash(r.sigma),
             _ratio(r.after, r.sigma),
-            _ratio(r.before, r.after, "\u00d7"),
+            _ratio(r.before, r.after),
         ]
         for r in rows
     ]
@@ -45,11 +45,11 @@ def _or_dash(value: float) -> str:
     return rounded(value, 3) if math.isfinite(value) else "\u2013"
 
 
-def _ratio(value: float, unit: float, tail: str = "") -> str:
+def _ratio(value: float, unit: float) -> str:
     if not (math.isfinite(value) and math.isfinite(unit)) or unit == 0:
         return "\u2013"
     ratio = abs(value / unit)
-    return f"{fixed(ratio, 1 if ratio < 10 else 0)}{tail}"
+    return fixed(ratio, 1 if ratio < 10 else 0)
 
 
 def _bars(rows: tuple[Comparison, ...]) -> Html:

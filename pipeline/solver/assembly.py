@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.arrays import Floats, Ints
-from pipeline.solver.blocks import Blocks, partition
+from pipeline.solver import _kernels
+from pipeline.solver.blocks import LOCAL_COLUMNS, Blocks, partition
 from pipeline.solver.bordered import Bordered
 from pipeline.solver.elimination import At, BlockNormals, block_normals, frame_steps
 from pipeline.solver.model import Model, State, drift_penalty, jerk_penalty
@@ -91,7 +92,19 @@ def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floa
 
 
 def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
-    """All blocks' normal equations in the order of the unknowns, without priors."""
+    """All blocks' normal equations in the order of the unknowns, without priors; compiled where numba is installed."""
+    if not _kernels.AVAILABLE or blocks.local_from_camera.shape[1] > LOCAL_COLUMNS:
+        return assemble_plain(model, blocks, normals)
+    order, basis = model.order, model.basis
+    band, border, corner, gradient = _kernels.assemble(
+        normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
+        global_places(model, blocks), order.n_band, order.n_border, order.width,
+    )  # fmt: skip
+    return Bordered(band=band, border=border, corner=corner, gradient=gradient)
+
+
+def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
+    """The same in numpy only."""
     order = model.order
     n, q, w = order.n_band, order.n_border, order.width
     band, border, corner = np.zeros((w + 1) * n), np.zeros(n * q), np.zeros(q * q)
@@ -147,11 +160,10 @@ def add_priors(model: Model, state: State, data: Bordered) -> tuple[Bordered, fl
 
 def _add_jerk(model: Model, state: State, t: int, band: Floats, gradient: Floats) -> float:
     """Adds a spline's white-jerk prior to the band and the gradient in place; returns its cost."""
-    target, strength = model.basis.targets[t], model.priors.jerk[t]
-    if target.kind != "spline" or not np.isfinite(strength):
+    target = model.basis.targets[t]
+    if target.kind != "spline":
         return 0.0
-    first, rows = jerk_penalty(model, t)
-    rows = rows / strength
+    first, rows, _ = jerk_penalty(model, t)
     acting = first[:, None] + np.arange(target.degree + 1)
     value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
     place = model.order.coefficient[acting]

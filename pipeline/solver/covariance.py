@@ -123,15 +123,14 @@ def prior_rows(model: Model) -> Floats:
             parts.append(rows)
     rng = np.random.default_rng(0)
     for n, target in enumerate(model.basis.targets):
-        if target.kind == "spline" and np.isfinite(priors.jerk[n]):
+        if target.kind == "spline":
             parts.append(_jerk_columns(model, n, size, rng))
     return np.concatenate(parts, axis=1)
 
 
 def _jerk_columns(model: Model, n: int, size: int, rng: np.random.Generator) -> Floats:
     """The white-jerk rows of one spline, all three axes; random sums of them where there are many."""
-    first, rows = jerk_penalty(model, n)
-    rows = rows / model.priors.jerk[n]
+    first, rows, _ = jerk_penalty(model, n)
     acting = model.order.coefficient[first[:, None] + np.arange(rows.shape[1])]
     spans = len(first)
     exact = 3 * spans <= EXACT_ROWS

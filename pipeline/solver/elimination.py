@@ -14,7 +14,9 @@ than one block. This file is the plain numpy form; `_kernels.py` computes the sa
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -232,7 +234,8 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
     """See the head of this file; compiled where numba is installed and the kernel knows the columns."""
     if not _kernels.AVAILABLE or at.placed:
         return block_normals_plain(frames, pose, loss, at, blocks)
-    normal, gradient, cost, gain = _kernels.block_normals(*_kernel_arguments(frames, pose, loss, at, blocks))
+    compiled: Callable[..., Any] = _kernels.block_normals
+    normal, gradient, cost, gain = compiled(*_kernel_arguments(frames, pose, loss, at, blocks))
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain)
 
 
@@ -242,8 +245,8 @@ def frame_steps(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blo
         return np.zeros((frames.count, 6))
     if not _kernels.AVAILABLE or at.placed:
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
-    found: Floats = _kernels.frame_steps(*_kernel_arguments(frames, pose, loss, at, blocks), step)
-    return found
+    compiled: Callable[..., Floats] = _kernels.frame_steps
+    return compiled(*_kernel_arguments(frames, pose, loss, at, blocks), step)
 
 
 def _kernel_arguments(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> tuple[object, ...]:

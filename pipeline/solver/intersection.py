@@ -17,7 +17,7 @@ from pipeline.solver.bordered import factorise
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames, metric, scaled_metric
 from pipeline.solver.model import Model, State
-from pipeline.solver.timing import common_time_s
+from pipeline.solver.timing import ROT, common_time_s
 
 RANK = 1e-12
 """Relative to its diagonal, the smallest pivot of a motion that counts as determined."""
@@ -38,19 +38,30 @@ def intersect(model: Model, state: State) -> State:
 
 
 def intersect_weighted(model: Model, state: State) -> State:
-    """The same with every ray weighted by what it is worth at its target's distance: nearly the statistical optimum."""
+    """The same with every ray weighted by what it is worth at its target's distance: a start for `map`.
+
+    A camera's unknown constant rotation counts as noise here, or the motion would bend to please every camera.
+    """
+    precision = model.priors.camera_precision[:, ROT].min(axis=1)
+    bias_rad = np.asarray(np.where(precision > 0, 1 / np.sqrt(np.maximum(precision, 1e-12)), 0.0))
     found = intersect(model, state)
     for _ in range(REWEIGHTED):
-        found = _motion_step(model, scaled_metric(model.frames, distance_m(model, found)), found)
+        frames = scaled_metric(model.frames, distance_m(model, found), bias_rad)
+        found = _motion_step(model, frames, found)
     return found
 
 
 def distance_m(model: Model, state: State) -> Floats:
-    """Distance (F, N) of every target from every camera position, at least one metre."""
+    """Distance (F, N) of every target from every camera position, at least half of that camera's median."""
     frames = model.frames
     time = common_time_s(frames, model.drift, state.camera, state.deviation)
     away = model.basis.position(time, state.coefficients) - frames.position_m[:, None]
-    return np.asarray(np.maximum(np.linalg.norm(away, axis=-1), 1.0))
+    distance: Floats = np.linalg.norm(away, axis=-1)
+    out: Floats = np.empty_like(distance)
+    for c in range(len(frames.cameras)):
+        own = distance[frames.of(c)]
+        out[frames.of(c)] = np.maximum(own, max(1.0, 0.5 * float(np.median(own))))
+    return out
 
 
 def _motion_step(model: Model, frames: Frames, state: State) -> State:

@@ -33,6 +33,7 @@ class Frames:
     position_m    (F, 3) as measured
     pose_rate     (F, 6) rotation vector (camera axes, of cam_from_enu) and velocity by which the measured pose changes
                   per second of log time; None: no camera's poses can be moved in time
+    pose_shift_s  (F,) log time at which the poses were taken, from where the problem took them
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
     place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
@@ -49,6 +50,7 @@ class Frames:
     cam_from_enu: Floats
     position_m: Floats
     pose_rate: Floats | None
+    pose_shift_s: Floats
     ray: Floats
     gain: Floats
     seen: Bools
@@ -115,11 +117,12 @@ def pack(problem: Problem) -> Frames:
         camera=np.repeat(np.arange(len(count)), count),
         frame=np.concatenate([c.poses.frame for c in problem.cameras]),
         video_s=video,
-        cam_from_enu=np.concatenate(
-            [rotation.matrix(rotation.conjugate(c.poses.enu_from_cam)) for c in problem.cameras]
+        cam_from_enu=np.ascontiguousarray(
+            rotation.matrix(rotation.conjugate(np.concatenate([c.poses.enu_from_cam for c in problem.cameras])))
         ),
         position_m=np.concatenate([c.poses.position_enu_m for c in problem.cameras]),
         pose_rate=None,
+        pose_shift_s=np.zeros(sum(count)),
         ray=ray,
         gain=gain,
         seen=np.isfinite(sigma),
@@ -137,6 +140,11 @@ def metric(frames: Frames) -> Frames:
     return replace(frames, gain=gain, angular=False)
 
 
-def scaled_metric(frames: Frames, distance_m: Floats) -> Frames:
-    """Linear in the motion like the paper's residual, weighted like the angular one at `distance_m` (F, N)."""
-    return replace(frames, gain=frames.gain / distance_m[..., None, None], angular=False)
+def scaled_metric(frames: Frames, distance_m: Floats, bias_rad: Floats) -> Frames:
+    """Linear in the motion like the paper's residual, weighted like the angular one at `distance_m` (F, N).
+
+    Every sighting's sigma also holds its camera's unknown constant rotation, `bias_rad` (C,) per axis.
+    """
+    square = 0.5 * (frames.gain**2).sum(axis=(-1, -2)) * bias_rad[frames.camera, None] ** 2
+    weight = 1 / (distance_m * np.sqrt(1 + square))
+    return replace(frames, gain=frames.gain * weight[..., None, None], angular=False)

@@ -42,14 +42,22 @@ class Fit:
         return self.linear.cost
 
 
-def levenberg_marquardt(
-    model: Model, start: State, *, max_iterations: int = 100, small: float = SMALL,
-    first_damping: float = FIRST_DAMPING, progress: Progress | None = None,
-    renew: Callable[[Model, State], Model] | None = None,
-) -> Fit:  # fmt: skip
-    """Minimise from `start`. `renew` may replace the model's data after a step (poses taken at moved times)."""
+@dataclass(frozen=True, kw_only=True)
+class Descent:
+    """How to go downhill: at most so many iterations, whom to tell, and what renews the model's data after a step."""
+
+    max_iterations: int = 100
+    progress: Progress | None = None
+    renew: Callable[[Model, State], Model] | None = None
+
+
+def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
+    """Minimise from `start`, until a step takes less than the share `small` off the cost."""
+    renew, progress, max_iterations = descent.renew, descent.progress, descent.max_iterations
+    if renew is not None:
+        model = renew(model, start)
     here = linear(model, start)
-    damping, growth = first_damping, 2.0
+    damping, growth = FIRST_DAMPING, 2.0
     for iteration in range(1, max_iterations + 1):
         diagonal = np.maximum(here.system.diagonal, 1e-12 * max(1e-300, float(here.system.diagonal.max(initial=0))))
         factor = factorise(here.system.damped(damping * diagonal))

@@ -1,91 +1,114 @@
-"""`map`: the adjustment in its statistical form, and how it is started."""
+"""`map`: the adjustment in its statistical form, from the candidates for the offsets to the covariance.
+
+start       a short adjustment from each of the best candidates
+orders      of polynomials that the data shall choose
+strengths   of the priors of splines
+clocks      that drift, by order or because the data say so
+covariance  plain and cluster-robust
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
+from pipeline.solver.beginning import best_start, graduated, residuals, statistical_start
 from pipeline.solver.bordered import factorise
-from pipeline.solver.covariance import Inverse
-from pipeline.solver.intersection import intersect_weighted
+from pipeline.solver.clusters import clusters
+from pipeline.solver.covariance import Inverse, sandwich
+from pipeline.solver.drifting import drifting, with_drift
 from pipeline.solver.layout import Frames
-from pipeline.solver.levenberg import Fit, Progress, levenberg_marquardt
+from pipeline.solver.levenberg import Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.moving_poses import renewing
+from pipeline.solver.orders import choose_orders
 from pipeline.solver.results import Outcome
-from pipeline.solver.start import MotionChoice, first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.start import first_choice
+from pipeline.solver.strength import renewed_jerk, renewed_walk, with_strengths
 
-TRIED = 3
-"""Offset candidates that are given a short adjustment each."""
-SHORT = 12
-"""Iterations of it."""
-CLEARLY_WORSE = 10.0
-"""Cost (half chi-square) by which the next best offsets must be worse not to be called ambiguous."""
+ROUNDS, SETTLED = 4, 0.05
+"""Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
 
 
-def offsets_unknown(problem: Problem) -> bool:
-    """Whether any camera's offset has to be searched for."""
-    return any(c.offset_s is None for c in problem.cameras if c.camera != problem.reference_camera)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Adjusted:
+    """The optimum, before its uncertainty is worked out."""
+
+    fit: Fit
+    findings: tuple[Finding, ...] = ()
+    candidates: tuple[OffsetCandidate, ...] = ()
 
 
-def candidates(problem: Problem, settings: SolverSettings) -> tuple[OffsetCandidate, ...]:
-    """Where to start: what the problem gives, or what the global search finds, best first."""
-    if offsets_unknown(problem):
-        from pipeline.solver.search import search_offsets
-
-        return search_offsets(problem, settings)
-    return (OffsetCandidate(offset_s=given_offsets(problem), cost=0.0),)
-
-
-def best_start(
-    problem: Problem, settings: SolverSettings, begin: Callable[[OffsetCandidate], Fit]
-) -> tuple[Fit, tuple[OffsetCandidate, ...], tuple[Finding, ...]]:
-    """A short adjustment from each of the best candidates; the lowest cost goes on, all are reported."""
-    found = candidates(problem, settings)
-    if len(found) == 1:
-        return begin(found[0]), found, ()
-    fits = [begin(c) for c in found[:TRIED]]
-    ranked = sorted(range(len(fits)), key=lambda i: fits[i].cost)
-    reported = tuple(
-        OffsetCandidate(offset_s=found[i].offset_s, cost=fits[i].cost, frame_rate=found[i].frame_rate) for i in ranked
-    )
-    return fits[ranked[0]], reported, ambiguous(reported)
-
-
-def ambiguous(ranked: tuple[OffsetCandidate, ...]) -> tuple[Finding, ...]:
-    """A finding where the second best offsets are not clearly worse than the best."""
-    if len(ranked) < 2 or ranked[1].cost - ranked[0].cost > CLEARLY_WORSE:
-        return ()
-    other = ", ".join(f"{name} {value:+.2f} s" for name, value in ranked[1].offset_s.items())
-    return (
-        Finding(
-            kind="ambiguous-offset",
-            subject="",
-            words=f"other time offsets fit nearly as well ({other}): the cost differs by only "
-            f"{ranked[1].cost - ranked[0].cost:.1f}",
-        ),
-    )
-
-
-def statistical_start(
-    problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, candidate: OffsetCandidate,
-    iterations: int,
-) -> Fit:  # fmt: skip
-    """The motion by weighted intersection at a candidate's clocks, then some steps of the whole adjustment."""
-    camera = first_camera(problem, candidate.offset_s, candidate.frame_rate)
-    model, state = first_model(problem, settings, frames, choice, camera)
-    return levenberg_marquardt(model, intersect_weighted(model, state), max_iterations=iterations)
-
-
-def adjust(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None = None) -> Outcome:
-    """The whole of `map`: start, adjustment, uncertainty."""
+def adjust(
+    problem: Problem, settings: SolverSettings, frames: Frames, found: tuple[OffsetCandidate, ...],
+    progress: Progress | None = None,
+) -> Adjusted:  # fmt: skip
+    """The whole of `map` up to the optimum, from the offsets `found`."""
+    renew = renewing(problem) if any(c.poses_at is not None for c in problem.cameras) else None
+    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renew)
     choice = first_choice(problem)
 
-    def begin(candidate: OffsetCandidate) -> Fit:
-        return statistical_start(problem, settings, frames, choice, candidate, SHORT)
+    def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
+        model, state = statistical_start(problem, settings, frames, choice, candidate)
+        return graduated(model, state, replace(descent, max_iterations=iterations))
 
-    fit, found, findings = best_start(problem, settings, begin)
-    fit = levenberg_marquardt(fit.model, fit.state, max_iterations=settings.max_iterations, progress=progress)
+    fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
+    if fit.status == "iteration-limit" and len(found) > 1:
+        fit = continued(fit, descent)
+    choice, fit, reasons = choose_orders(
+        problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, descent)
+    )
+    fit = with_estimated_priors(fit, descent)
+    fit, clocks = with_drifting_clocks(problem, fit, descent)
+    return Adjusted(fit=fit, findings=(*ambiguous, *reasons, *clocks), candidates=ranked)
+
+
+def continued(fit: Fit, descent: Descent) -> Fit:
+    """More iterations from where a fit ended."""
+    again = levenberg_marquardt(fit.model, fit.state, descent)
+    return replace(again, iterations=fit.iterations + again.iterations)
+
+
+def with_estimated_priors(fit: Fit, descent: Descent) -> Fit:
+    """Rounds of estimating how strong the priors of splines and drifting clocks are, and of adjusting with that."""
+    if not fit.model.drift.count and all(t.kind == "polynomial" for t in fit.model.basis.targets):
+        return fit
+    for _ in range(ROUNDS):
+        factor = factorise(fit.linear.system)
+        if factor is None:
+            return fit
+        covariance = Inverse(factor=factor)
+        jerk = renewed_jerk(fit.model, fit.state, covariance)
+        walk = renewed_walk(fit.model, fit.state, covariance)
+        before = np.concatenate([fit.model.priors.jerk.ravel(), fit.model.priors.drift_rate])
+        fit = continued(replace(fit, model=with_strengths(fit.model, jerk, walk)), descent)
+        change = np.abs(np.concatenate([jerk.ravel(), walk]) - before) / np.maximum(before, 1e-12)
+        if np.median(change) < SETTLED:
+            break
+    return fit
+
+
+def with_drifting_clocks(problem: Problem, fit: Fit, descent: Descent) -> tuple[Fit, tuple[Finding, ...]]:
+    """The adjustment again, with deviations of the clocks that drift; and why each clock is taken as it is."""
+    cameras, reasons = drifting(problem, fit.model, fit.state)
+    if not cameras:
+        return fit, reasons
+    model, state = with_drift(fit.model, fit.state, cameras)
+    again = with_estimated_priors(levenberg_marquardt(model, state, descent), descent)
+    return replace(again, iterations=fit.iterations + again.iterations), reasons
+
+
+def outcome(frames: Frames, found: Adjusted) -> Outcome:
+    """The adjustment with its uncertainty, plain and cluster-robust."""
+    fit = found.fit
     factor = factorise(fit.linear.system)
+    robust = None
+    if factor is not None:
+        cluster = clusters(fit.model, fit.state, residuals(fit.model, fit.state))
+        robust = sandwich(fit.model, fit.state, factor, cluster)
     return Outcome(
         model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,
-        plain=None if factor is None else Inverse(factor=factor), findings=findings, candidates=found,
+        plain=None if factor is None else Inverse(factor=factor), robust=robust,
+        findings=found.findings, candidates=found.candidates,
     )  # fmt: skip

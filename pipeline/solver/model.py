@@ -32,7 +32,7 @@ class Priors:
 
     camera_mean, camera_precision (C, W)  precision zero: nothing is known
     camera_free (C, W)  false: held
-    jerk  (N,) of splines, m / s^2.5 (root of the power of white jerk); infinite: no prior
+    jerk  (N, S) of splines in every span, m / s^2.5 (root of the power of white jerk); infinite: no prior
     drift_rate  (C,) of drifting clocks: how far the deviation walks, s / sqrt(s)
     """
 
@@ -138,9 +138,10 @@ def _band_width(basis: MotionBasis, coefficient: Ints, n_band: int) -> int:
     return int((high - low).max())
 
 
-def jerk_penalty(model: Model, target: int) -> tuple[Ints, Floats]:
-    """First acting coefficient (p,) and rows (p, 4) whose squares sum to the integral of |X'''|^2 of a spline."""
-    return jerk_rows(model.basis, model.basis.targets[target])
+def jerk_penalty(model: Model, target: int) -> tuple[Ints, Floats, Ints]:
+    """A spline's prior: first acting coefficient (p,), rows (p, 4) whose squares sum to twice its cost, spans (p,)."""
+    first, rows, span = jerk_rows(model.basis, model.basis.targets[target])
+    return first, rows / model.priors.jerk[target, span][:, None], span
 
 
 def drift_penalty(drift: Drift, camera: int, rate: float) -> Floats:

@@ -11,6 +11,7 @@ The motion prior of a spline is white jerk: the integral of |X'''|^2 / q^2 dt, e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,6 +50,19 @@ class MotionBasis:
     grid_s: Floats
     degree: int
     targets: tuple[TargetBasis, ...]
+
+    @cached_property
+    def transforms(self) -> Floats:
+        """(S, N, K + 1, K + 1) of all targets, zero in the columns that a target of lower degree lacks."""
+        out = np.zeros((len(self.grid_s) - 1, len(self.targets), self.degree + 1, self.degree + 1))
+        for n, t in enumerate(self.targets):
+            out[:, n, :, : t.degree + 1] = t.transform
+        return out
+
+    @cached_property
+    def degrees(self) -> Ints:
+        """(N,) of the targets."""
+        return np.array([t.degree for t in self.targets], dtype=np.int64)
 
     @property
     def count(self) -> int:
@@ -164,15 +178,15 @@ def _spline_target(name: str, grid: Floats, low_s: float, high_s: float, first: 
     )  # fmt: skip
 
 
-def jerk_rows(basis: MotionBasis, target: TargetBasis) -> tuple[Ints, Floats]:
+def jerk_rows(basis: MotionBasis, target: TargetBasis) -> tuple[Ints, Floats, Ints]:
     """Rows whose squares, summed over the target's spans, are the integral of |X'''|^2 dt.
 
-    Returns the first acting coefficient (p,) and the row (p, 4), for the spans that the target's knots cover.
+    Returns the first acting coefficient (p,), the row (p, 4) and the span (p,), for the spans that its knots cover.
     """
     covered = (basis.mid_s > target.knots_s[0]) & (basis.mid_s < target.knots_s[-1])
     half = basis.half_s[covered]
     row = target.transform[covered, SPLINE_DEGREE, :] * (6 / half**3 * np.sqrt(2 * half))[:, None]
-    return target.active[covered], np.asarray(row)
+    return target.active[covered], np.asarray(row), np.flatnonzero(covered)
 
 
 def bernstein_from_powers(order: int) -> Floats:

@@ -19,7 +19,7 @@ import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.geometry.rotation import exp, matrix, skew
-from pipeline.solver.search_crossing import ClockPrior, Fit, prior_cost
+from pipeline.solver.search_crossing import ClockPrior, Fit, prior_cost, stretch_pull
 from pipeline.solver.search_frames import FrameSet, Whitening, frames_of, whitening
 from pipeline.solver.search_polynomial import project_motion, stacked_rows
 from pipeline.solver.search_sweep import ClockRange
@@ -94,7 +94,7 @@ def polynomial_information(
     The motions, of known polynomial order, are eliminated; they are taken where they fit best at the given clocks.
     """
     wanted = [t for t in orders if any(t in v.tracks for v in views)]
-    free = ClockPrior(stretch_sigma=1e6, allowed=ClockRange(low_s=0.0, high_s=0.0, stretch=0.0))
+    free = ClockPrior(stretch_sigma=1e6, allowed=ClockRange(low_s=0.0, high_s=0.0, stretch=1.0))
     setup, point = _start(views, np.array(clocks, float), [free] * len(views), wanted, orders, 1.0)
     normal = _normal(setup, point, _held(setup, point))[0] - _priors(setup, point)[0]
     size = 8 * len(views)
@@ -278,9 +278,8 @@ def _priors(setup: _Setup, point: _Point) -> tuple[Floats, Floats, float]:
             continue
         offset, stretch = point.clock[i]
         cost += prior_cost(prior, float(offset), float(stretch))
-        pull = 1 / (prior.stretch_sigma**2 + (stretch - 1) ** 2)
-        normal[at + 1, at + 1] = pull
-        right[at + 1] = -pull * (stretch - 1)
+        normal[at + 1, at + 1], slope = stretch_pull(prior, float(stretch))
+        right[at + 1] = -slope
         if prior.offset_sigma_s is not None:
             row = np.array([1.0, -setup.middle_s[i]]) / prior.offset_sigma_s
             normal[at : at + 2, at : at + 2] += np.outer(row, row)

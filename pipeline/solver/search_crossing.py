@@ -256,10 +256,9 @@ def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floa
             continue
         offset, stretch = state.clock[i]
         middle = 0.5 * sum(view.span_s)
-        away = (stretch - 1) / prior.stretch_sigma
-        weight_s = 1 / (1 + away**2) / prior.stretch_sigma**2
-        normal[i, 1, i, 1] += weight_s
-        right[i, 1] -= weight_s * (stretch - 1)
+        precision, slope = stretch_pull(prior, stretch)
+        normal[i, 1, i, 1] += precision
+        right[i, 1] -= slope
         if prior.offset_sigma_s is not None:
             row = np.array([1.0, -middle]) / prior.offset_sigma_s
             normal[i, :2, i, :2] += np.outer(row, row)
@@ -267,13 +266,35 @@ def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floa
 
 
 def prior_cost(prior: ClockPrior | None, offset_s: float, stretch: float) -> float:
-    """Half chi-square of a clock under its prior; that of the stretch grows slowly: stated rates may be plain wrong."""
+    """Half chi-square of a clock under its prior.
+
+    That of the stretch grows slowly, since stated rates may be plain wrong, but there is a wall where the search ends.
+    """
     if prior is None:
         return 0.0
     cost = 0.5 * float(np.log1p(((stretch - 1) / prior.stretch_sigma) ** 2))
+    cost += 0.5 * (_beyond(prior, stretch) / _wall(prior)) ** 2
     if prior.offset_sigma_s is not None:
         cost += 0.5 * ((offset_s - prior.offset_s) / prior.offset_sigma_s) ** 2
     return cost
+
+
+def stretch_pull(prior: ClockPrior, stretch: float) -> tuple[float, float]:
+    """Curvature (Gauss-Newton) and slope of the part of `prior_cost` that depends on the stretch."""
+    pull = 1 / (prior.stretch_sigma**2 + (stretch - 1) ** 2)
+    beyond, wall = _beyond(prior, stretch), _wall(prior)
+    precision = pull + (wall**-2 if beyond != 0 else 0.0)
+    return precision, pull * (stretch - 1) + beyond / wall**2
+
+
+def _beyond(prior: ClockPrior, stretch: float) -> float:
+    """How far a stretch is outside of what is searched."""
+    away = stretch - 1
+    return away - float(np.clip(away, -prior.allowed.stretch, prior.allowed.stretch))
+
+
+def _wall(prior: ClockPrior) -> float:
+    return max(0.02 * prior.allowed.stretch, 1e-7)
 
 
 def _cost(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | None]) -> tuple[float, float]:

@@ -13,23 +13,41 @@ Six methods over one residual, one clock and one motion basis:
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 
-from pipeline.records import Problem, Solution, SolverSettings
-from pipeline.solver import li
+from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
+from pipeline.solver import _kernels, li
 from pipeline.solver import map as statistical
 from pipeline.solver.assembly import linear
+from pipeline.solver.beginning import candidates
 from pipeline.solver.bordered import factorise
 from pipeline.solver.covariance import Inverse
+from pipeline.solver.findings import find_degeneracies
 from pipeline.solver.intersection import intersect
 from pipeline.solver.layout import Frames, metric, pack
-from pipeline.solver.levenberg import Fit, Progress, levenberg_marquardt
+from pipeline.solver.levenberg import Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.model import Model, State
+from pipeline.solver.moving_poses import renewing
 from pipeline.solver.results import Outcome, solution_of
-from pipeline.solver.start import first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.start import FIRST_ORDER, first_camera, first_choice, first_model, given_offsets
 from pipeline.solver.triangulation import triangulate
 
 LI_ROUNDS = 500
+Finish = Callable[[], Outcome]
+"""What is left to do after the optimum is found: covariances."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Asked:
+    """What a method is asked: `starts` are the offsets to begin at, best first."""
+
+    problem: Problem
+    settings: SolverSettings
+    frames: Frames
+    starts: tuple[OffsetCandidate, ...]
+    progress: Progress | None
 
 
 def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | None = None) -> Solution:
@@ -38,53 +56,90 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     `progress` is called with (iteration, cost). `Solution.seconds` counts the numerical solve alone: from packed
     arrays to the optimum, without the search of offsets, the covariances and the making of the record.
 
-    Raises GeometryError where the sightings cannot determine the motion. Not converging is a status, not an error.
+    Raises GeometryError where the sightings cannot determine the answer; what a prior decides is a finding. Not
+    converging is a status, not an error.
     """
+    find_degeneracies(problem, settings)
     frames = pack(problem)
     method = METHODS[settings.method]
+    starts = candidates(problem, settings)
+    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=progress)
+    _kernels.warm()
     began = time.perf_counter()
-    found = method(problem, settings, frames, progress)
-    return solution_of(problem, settings, found, time.perf_counter() - began)
+    found = method(asked)
+    seconds = time.perf_counter() - began
+    solution = solution_of(problem, settings, found(), seconds)
+    orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
+    left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders)
+    return replace(solution, findings=(*solution.findings, *left_open))
 
 
-def _intersection(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
-    camera = first_camera(problem, given_offsets(problem), {})
-    model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
+def _intersection(asked: Asked) -> Finish:
+    model, state = _paper_start(asked, given_offsets(asked.problem), {})
     here = linear(model, intersect(model, state))
-    return _paper_outcome(frames, Fit(model=model, linear=here, status="converged", iterations=1))
+    return partial(_paper_outcome, asked, Fit(model=model, linear=here, status="converged", iterations=1))
 
 
-def _li(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
-    camera = first_camera(problem, given_offsets(problem), {})
-    model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
-    return _paper_outcome(frames, li.alternate(model, state, LI_ROUNDS, progress))
+def _li(asked: Asked) -> Finish:
+    model, state = _paper_start(asked, given_offsets(asked.problem), {})
+    return partial(_paper_outcome, asked, li.alternate(model, state, LI_ROUNDS, asked.progress))
 
 
-def _algorithm(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
-    found = statistical.candidates(problem, settings)
-    camera = first_camera(problem, found[0].offset_s, found[0].frame_rate)
-    model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
-    fit = levenberg_marquardt(model, intersect(model, state), max_iterations=settings.max_iterations, progress=progress)
-    return replace(_paper_outcome(frames, fit), candidates=found)
+def _algorithm(asked: Asked) -> Finish:
+    model, state = _paper_start(asked, asked.starts[0].offset_s, asked.starts[0].frame_rate)
+    descent = Descent(
+        max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=renewing(asked.problem)
+    )
+    return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent))
 
 
-def _paper_outcome(frames: Frames, fit: Fit) -> Outcome:
+def _paper_start(asked: Asked, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> tuple[Model, State]:
+    """A model with the paper's residual in metres, at these clocks."""
+    camera = first_camera(asked.problem, offset_s, rate)
+    return first_model(asked.problem, asked.settings, metric(asked.frames), first_choice(asked.problem), camera)
+
+
+def _paper_outcome(asked: Asked, fit: Fit) -> Outcome:
     """With the covariance that the residuals themselves suggest: the paper's metres have no sigma."""
     free = fit.model.order.n_band + fit.model.order.n_border + 3 * fit.model.frames.count * fit.model.pose.free
-    redundancy = 2 * int(frames.seen.sum()) - free
+    redundancy = 2 * int(asked.frames.seen.sum()) - free
     factor = factorise(fit.linear.system)
     known = factor is not None and redundancy > 0
     return Outcome(
-        model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,
+        model=fit.model, observed=asked.frames, state=fit.state, status=fit.status, iterations=fit.iterations,
+        cost=fit.cost, candidates=asked.starts, findings=_assumed_orders(asked.problem),
         plain=Inverse(factor=factor, scale=2 * fit.cost / redundancy) if known and factor is not None else None,
     )  # fmt: skip
 
 
-METHODS: dict[str, Callable[[Problem, SolverSettings, Frames, Progress | None], Outcome]] = {
-    "triangulation": triangulate,
+def _assumed_orders(problem: Problem) -> tuple[Finding, ...]:
+    """Only `map` has a likelihood that could choose an order."""
+    return tuple(
+        Finding(
+            kind="motion-order",
+            subject=t.target,
+            words=f"{t.target} is given a motion of order {FIRST_ORDER}: only map can choose one",
+        )
+        for t in problem.targets
+        if t.motion == "polynomial" and t.order == "auto"
+    )
+
+
+def _triangulation(asked: Asked) -> Finish:
+    found = triangulate(asked.problem, asked.settings, asked.frames)
+    return lambda: found
+
+
+def _map(asked: Asked) -> Finish:
+    found = statistical.adjust(asked.problem, asked.settings, asked.frames, asked.starts, asked.progress)
+    return partial(statistical.outcome, asked.frames, found)
+
+
+METHODS: dict[str, Callable[[Asked], Finish]] = {
+    "triangulation": _triangulation,
     "intersection": _intersection,
     "li": _li,
     "algorithm-1": _algorithm,
     "algorithm-2": _algorithm,
-    "map": statistical.adjust,
+    "map": _map,
 }

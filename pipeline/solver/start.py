@@ -149,7 +149,8 @@ def first_model(
     basis = basis_at(frames, choice, time)
     priors = Priors(
         camera_mean=mean, camera_precision=precision, camera_free=free,
-        jerk=np.full(len(frames.targets), FIRST_JERK), drift_rate=np.zeros(len(frames.cameras)),
+        jerk=np.full((len(frames.targets), len(basis.grid_s) - 1), FIRST_JERK),
+        drift_rate=np.zeros(len(frames.cameras)),
     )  # fmt: skip
     loss = bent(BEND[settings.robust], frames) if settings.method == "map" else Loss()
     model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors)

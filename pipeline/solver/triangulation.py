@@ -16,7 +16,6 @@ from calibration.arrays import Floats, Ints
 from pipeline.errors import GeometryError
 from pipeline.records import Problem, SolverSettings
 from pipeline.solver.layout import Frames, metric
-from pipeline.solver.levenberg import Progress
 from pipeline.solver.model import Model, State, jerk_penalty
 from pipeline.solver.results import Outcome
 from pipeline.solver.start import first_camera, first_choice, first_model, given_offsets
@@ -37,7 +36,7 @@ class DenseCovariance:
         return np.asarray(self.matrix[i, j])
 
 
-def triangulate(problem: Problem, settings: SolverSettings, frames: Frames, progress: Progress | None) -> Outcome:
+def triangulate(problem: Problem, settings: SolverSettings, frames: Frames) -> Outcome:
     """Points of synchronised frames and a motion through them."""
     camera = first_camera(problem, given_offsets(problem), {})
     model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
@@ -110,8 +109,8 @@ def _through(model: Model, n: int, time: Floats, points: Floats) -> tuple[Floats
     design[np.arange(len(time))[:, None], t.active[span][:, None] - t.first + np.arange(t.degree + 1)] = value
     normal = design.T @ design
     if t.kind == "spline":
-        first, rows = jerk_penalty(model, n)
-        for begin, row in zip(first - t.first, rows / model.priors.jerk[n], strict=True):
+        first, rows, _ = jerk_penalty(model, n)
+        for begin, row in zip(first - t.first, rows, strict=True):
             normal[begin : begin + len(row), begin : begin + len(row)] += np.outer(row, row)
     if np.linalg.matrix_rank(normal, hermitian=True) < t.count:
         raise GeometryError(

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
+from pipeline.errors import InputFileError
 from pipeline.export import export_all, poses_csv, read_tracks_csv, tracks_csv
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack, Problem, Results, Solution, SolverSettings
@@ -67,6 +68,25 @@ class _Clock:
 
 def _hashes(flight: Flight) -> dict[str, str]:
     return {name: file_hash(path) for name, path in input_files(flight).items()}
+
+
+def check_inputs(flight: Flight) -> None:
+    """Looks at every input that is quickly looked at, so that a long run does not fail at its end.
+
+    Raises InputFileError where a file is missing or a camera file is wrong.
+    """
+    for camera in flight.cameras:
+        for key in ("calibration", "video", "tracks", "telemetry"):
+            path: Path | None = getattr(camera, key)
+            if path is not None and not path.is_file():
+                photos = "make it with `runningfix calibrate`" if key == "calibration" else "check the name"
+                raise InputFileError(
+                    where=str(path),
+                    seen="no such file",
+                    expected=f"what cameras.{camera.name}.{key} in {flight.path} names",
+                    advice=f"{photos}; paths are relative to the flight file",
+                )
+    read_models(flight)
 
 
 # --- track ---------------------------------------------------------------------------------------------------------
@@ -198,6 +218,7 @@ def run_solve(
     opener: Opener | None = None,
 ) -> RunSummary:
     """Adjusts the flight and writes everything that comes of it."""
+    check_inputs(flight)
     clock, ledger = _Clock(), Ledger(out)
     chosen = settings or solver_settings(flight)
     with clock.stage("read"):
@@ -267,6 +288,7 @@ def _remove_stale(out: Path, files: Mapping[str, str]) -> None:
 
 def run_flight(flight: Flight, out: Path, *, progress: Progress = silent) -> RunSummary:
     """All stages; what is finished is not done again."""
+    check_inputs(flight)
     opener = _opener(flight, progress)
     parts = [
         run_track(flight, out, resume=True, progress=progress),

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.errors import InputFileError, UsageError
 from pipeline.export import read_detections_csv, read_tracks_csv
 from pipeline.flight import CameraSettings, Flight
@@ -35,16 +37,18 @@ def boxes_of(flight: Flight, camera: CameraSettings) -> dict[str, Box]:
 def track_camera(
     flight: Flight, camera: CameraSettings, progress: Callable[[int, int], None] | None = None
 ) -> VideoTracks:
-    """The tracks in one camera's video, at the flight file's frame rate."""
+    """The tracks in one camera's video, at the flight file's frame rate.
+
+    A given `sigma.pixel` is what the median fix is worth; the tracker's own sigmas then say how the others differ.
+    """
     assert camera.video is not None
     found = track_video(camera.video, camera=camera.name, boxes=boxes_of(flight, camera), progress=progress)
     scale = found.frame_rate / (camera.frame_rate or found.frame_rate)
-    sigma = camera.sigma.get("pixel_px")
+    every = np.concatenate([track.sigma_px[track.seen] for track in found.tracks])
+    given = camera.sigma.get("pixel_px")
+    worth = 1.0 if given is None or not len(every) else given / float(np.median(every))
     tracks = tuple(
-        replace(
-            track, time_s=track.time_s * scale, sigma_px=track.sigma_px if sigma is None else track.sigma_px * sigma
-        )
-        for track in found.tracks
+        replace(track, time_s=track.time_s * scale, sigma_px=track.sigma_px * worth) for track in found.tracks
     )
     return replace(found, tracks=tracks)
 

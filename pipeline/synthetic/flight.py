@@ -1,10 +1,10 @@
 """A scene as a folder of files that a user could have brought home from a real flight.
 
-flight.toml           what the user knows: instruments' worth, first boxes, nothing of the other camera's clock
-uav1.mp4, uav2.mp4    H.264
-uav1.tlog, uav2.tlog  MAVLink 2
-board-camera/         checkerboard photos; both UAVs carry the same camera, `runningfix calibrate` makes camera.json
-truth/truth.json      for judging, not for processing
+flight.toml               what the user knows: instruments' worth, first boxes, nothing of the other camera's clock
+uav1.mp4, uav2.mp4        H.264
+uav1.tlog, uav2.tlog      MAVLink 2
+board-uav1/, board-uav2/  checkerboard photos through each camera's lens; `runningfix calibrate` makes uav1.json ...
+truth/truth.json          for judging, not for processing
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from pipeline.synthetic.vehicles import outline_enu_m
 from pipeline.synthetic.video import write_video
 
 Progress = Callable[[str, int, int], None]
-CALIBRATION = "camera"
 BOARD = PrintedBoard()
 FIRST_FRAME_BOOT_S = (412.345, 187.62)
 UTC_ZERO_S = 1748770200.0
 """2025-06-01T09:30:00Z, as UAV 1 knows it; the second ground station's clock is over an hour wrong."""
 RECORDER_WRONG_S = (0.0, -4387.219)
 POLL_S = 0.2
+CHOICE, MARGIN_PX = 20, 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +66,13 @@ def write_flight(
     The same scene, seed and program give the same bytes. Raises UsageError without a video encoder, WriteError where
     the folder cannot be written.
     """
+    if scene.landscape is None:
+        raise ValueError(f"{scene.name}: a scene without a landscape cannot be rendered")
     quality = quality or Quality()
     for index, camera in enumerate(scene.cameras):
         log = _recording(scene, index, noise, seed)
         write_whole(folder / f"{camera.name}.tlog", tlog_bytes(log, system=index + 1, seed=seed + index))
-    _write_photos(scene, folder / f"board-{CALIBRATION}", seed, quality)
+        _write_photos(camera, folder / f"board-{camera.name}", seed + index, quality)
     _write_videos(scene, folder, seed, quality, progress)
     truth = true_flight(scene)
     write_truth(folder, scene, truth)
@@ -89,17 +91,15 @@ def _recording(scene: Scene, index: int, noise: Noise, seed: int) -> Recording:
     return record(camera, scene.origin, clock, noise=noise, rng=np.random.default_rng([seed, 8, index]))
 
 
-def _write_photos(scene: Scene, folder: Path, seed: int, quality: Quality) -> None:
-    lens = scene.cameras[0].lens
-    for number, photo in enumerate(photos(lens, BOARD, count=quality.photos, seed=seed)):
+def _write_photos(camera: SceneCamera, folder: Path, seed: int, quality: Quality) -> None:
+    for number, photo in enumerate(photos(camera.lens, BOARD, count=quality.photos, seed=seed)):
         _, packed = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, quality.jpeg])
         write_whole(folder / f"photo-{number + 1:02d}.jpg", packed.tobytes())
 
 
 def _write_videos(scene: Scene, folder: Path, seed: int, quality: Quality, progress: Progress | None) -> None:
     """All cameras at once, a thread and an encoder each; progress is told from the calling thread."""
-    if scene.landscape is None:
-        raise ValueError(f"{scene.name}: a scene without a landscape cannot be rendered")
+    assert scene.landscape is not None
     country = paint(scene.landscape)
     done = dict.fromkeys((c.name for c in scene.cameras), 0)
     total = sum(c.frames for c in scene.cameras)
@@ -133,23 +133,32 @@ def _wait(jobs: list[Future[int]], tell: Callable[[], object]) -> None:
     tell()
 
 
-def first_box(scene: Scene, camera: SceneCamera, target: SceneTarget, track: ImageTrack, margin_px: int = 12) -> Box:
-    """The box a person would draw on the first frame that shows the whole vehicle: whole pixels, centred on the roof.
+def first_box(scene: Scene, camera: SceneCamera, target: SceneTarget, track: ImageTrack) -> Box:
+    """The box a careful person would draw: whole pixels, on an early frame, its centre on the roof's.
 
-    The sides are as long as the roof's outline and a little more; of two lengths the one whose centre lies nearer to
-    the reference point's pixel is taken, so that it is at most a quarter of a pixel off in x and y.
+    Of the first CHOICE frames that show the whole roof, MARGIN_PX inside the image, the one where the centre of such
+    a box comes nearest to the reference point: a tracker follows what lies under it, in every camera the same point.
     """
     size = np.array(camera.lens.image_size)
+    best, nearest, shown = None, np.inf, 0
     for frame in track.frame[track.state != LOST]:
-        when = camera.frame_time_s(np.array([frame]))
-        outline = outline_enu_m(target, float(when[0]))
-        corners, _ = pixels_of(camera, np.full(4, frame), outline)
-        if ((corners > margin_px) & (corners < size - margin_px)).all():
-            centre = track.xy_px[np.searchsorted(track.frame, frame)]
-            reach = np.abs(corners - centre).max(axis=0)
-            (x, width), (y, height) = (_whole_side(float(c), float(r)) for c, r in zip(centre, reach, strict=True))
-            return Box(frame=int(frame), x=x, y=y, width=width, height=height)
-    raise ValueError(f"{camera.name} never sees all of {target.name}")
+        when = float(camera.frame_time_s(np.array([frame]))[0])
+        corners, _ = pixels_of(camera, np.full(4, frame), outline_enu_m(target, when))
+        if not ((corners > MARGIN_PX) & (corners < size - MARGIN_PX)).all():
+            continue
+        centre = track.xy_px[np.searchsorted(track.frame, frame)]
+        reach = np.abs(corners - centre).max(axis=0)
+        (x, width), (y, height) = (_whole_side(float(c), float(r)) for c, r in zip(centre, reach, strict=True))
+        box = Box(frame=int(frame), x=x, y=y, width=width, height=height)
+        miss = float(np.abs(np.array(box.centre_px) - centre).max())
+        if miss < nearest:
+            best, nearest = box, miss
+        shown += 1
+        if shown == CHOICE:
+            break
+    if best is None:
+        raise ValueError(f"{camera.name} never sees all of {target.name}")
+    return best
 
 
 def _whole_side(centre_px: float, reach_px: float) -> tuple[int, int]:
@@ -176,8 +185,8 @@ def _head(origin: Geodetic, reference: str) -> str:
     lat, lon = (float(np.degrees(angle)) for angle in (origin.lat_rad, origin.lon_rad))
     return (
         "# Rendered by `runningfix demo`: two UAVs whose clocks know nothing of each other watch four vehicles.\n"
-        f"# camera.json: runningfix calibrate board-{CALIBRATION} --board {BOARD.columns}x{BOARD.rows}"
-        f" --square-mm {BOARD.square_m * 1000:g} -o {CALIBRATION}.json\n"
+        f"# First: runningfix calibrate board-uav1 --board {BOARD.columns}x{BOARD.rows}"
+        f" --square-mm {BOARD.square_m * 1000:g} -o uav1.json, and the same for uav2.\n"
         "[flight]\n"
         f"origin = {{ lat = {lat:.7f}, lon = {lon:.7f}, height = {origin.height_m:g} }}\n"
         f'reference_camera = "{reference}"\n'
@@ -190,7 +199,7 @@ def _camera_table(camera: SceneCamera, noise: Noise) -> str:
     fixed = f"{{ roll_deg = {roll}, pitch_deg = {pitch}, yaw_deg = {yaw} }}"
     return (
         f"[cameras.{camera.name}]\n"
-        f'calibration = "{CALIBRATION}.json"\n'
+        f'calibration = "{camera.name}.json"\n'
         f'video = "{camera.name}.mp4"\n'
         f'telemetry = "{camera.name}.tlog"\n'
         'start = "camera-event"\n'

@@ -23,7 +23,7 @@ from pipeline.synthetic.vehicles import Body, axes_of, body
 
 Grain = npt.NDArray[np.int8]
 FINE = 8
-SHADOW = 0.5
+SHADOW = 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +145,7 @@ def draw_vehicle(image: Image, view: View, shape: Body, centre_enu_m: Floats, en
     )
     canvas = cv2.resize(_shaded(window, shadow), None, fx=FINE, fy=FINE, interpolation=cv2.INTER_NEAREST)
     for polygon, colour in zip(polygons, colours, strict=True):
-        cv2.fillConvexPoly(canvas, polygon, colour, cv2.LINE_8, SHIFT)
+        cv2.fillConvexPoly(canvas, polygon, colour, cv2.LINE_AA, SHIFT)
     window[:] = cv2.resize(canvas, window.shape[1::-1], interpolation=cv2.INTER_AREA)
 
 

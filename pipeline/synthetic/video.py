@@ -65,7 +65,7 @@ def _arguments(size: tuple[int, int], rate_hz: float, crf: int) -> list[str]:
     raw = ["-f", "rawvideo", "-pix_fmt", "bgr24", "-s", f"{size[0]}x{size[1]}", "-r", f"{rate_hz:g}", "-i", "pipe:0"]
     colour = ["-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=accurate_rnd+full_chroma_int+bicubic"]
     tags = ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]
-    codec = ["-c:v", "libx264", "-preset", "faster", "-crf", str(crf), "-pix_fmt", "yuv420p", "-threads", "1"]
+    codec = ["-c:v", "libx264", "-preset", "veryfast", "-crf", str(crf), "-pix_fmt", "yuv420p", "-threads", "1"]
     return ["-v", "error", "-y", *raw, "-an", *colour, *codec, *tags, *_EXACT, "-f", "mp4"]
 
 

@@ -2,12 +2,14 @@
 
 With r(u) = I(A u + t) - T(u), the step (B, d) minimises
 
-    sum_u w(u) |r(u) - grad T (B u + d) - g T~(u) - b|^2 / (spread(u) c)  +  |D - B|^2 in the prior's metric
+    sum_u w0(u) w(u) |r(u) - grad T (B u + d) - g T~(u) - b|^2 / (spread(u) c)  +  |D - B|^2 in the prior's metric
 
-where g and b are a gain and a brightness for each colour, w is robust (what is hidden or does not belong to the target
-loses its say), c the number of neighbouring pixels that share their noise, and D how far the linear part is from its
-prediction: (scale, rotation, two shears). Then A <- A (1 + B)^-1, t <- t - A d. The gradient is the template's, so the
-step's matrix is made twice, not in every iteration. The covariance of t is that of the last step.
+where w0 falls off around the tracked point (a vehicle is no plane: seen from elsewhere, its far parts shift against
+the surface under the point), w is robust (what is covered or does not belong to the target loses its say), g and b are
+a gain and a brightness for each colour, c the number of neighbouring pixels that share their noise, and D how far the
+linear part is from its prediction: (scale, rotation, two shears). Then A <- A (1 + B)^-1, t <- t - A d. The gradient is
+the template's, so the step's matrix is made twice, not in every iteration. The covariance of t is that of the last
+step.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ SHARED_NOISE = 8.0  # pixels that one independent value of the noise covers, aft
 ROBUST = 2.5  # sigmas at which a pixel has lost half its say
 REACH_PX = 5.0
 TOLERANCE = 4.0**2, 15.0**2  # least and largest squared residual (grey levels) that a pixel may be forgiven, one sigma
+NEAR, LEAST_NEAR_PX = 0.22, 2.5  # one sigma of the weight around the tracked point: share of the box, at least
 # scale, rotation, shears: what one frame may change
 SHAPE_SIGMA = np.array([0.01, 0.02, 0.007, 0.007])
 GAIN_SIGMA, BRIGHTNESS_SIGMA = 0.1, 10.0
@@ -107,9 +110,16 @@ def _prior(looseness: float) -> Floats:
 
 def _pixel_weight(template: Template, image: Image, warp: Warp) -> Pixels:
     """Information of each value (h w 3,) before robust weighting; zero outside the image."""
-    weight = 1.0 / (SHARED_NOISE * template.spread)
+    weight = _nearness(template) / (SHARED_NOISE * template.spread)
     weight = weight * _inside(template, image, warp)
     return np.asarray(np.repeat(weight.reshape(-1), 3), np.float32)
+
+
+def _nearness(template: Template) -> Pixels:
+    """How much each pixel (h, w) says about the tracked point: what is near it lies on the same surface."""
+    ux, uy = template.grid()
+    wide, high = (max(NEAR * size, LEAST_NEAR_PX) for size in template.size_px)
+    return np.asarray(np.exp(-0.5 * ((ux[None, :] / wide) ** 2 + (uy[:, None] / high) ** 2)), np.float32)
 
 
 def _inside(template: Template, image: Image, warp: Warp) -> Pixels:

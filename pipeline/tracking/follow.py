@@ -36,7 +36,7 @@ MAY_HAVE_STOPPED_S = 5.0
 NEW_SCORE = 0.42
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
-SIGMA_FLOOR_PX, SIGMA_SCALE = 0.05, 1.0
+SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,12 +48,13 @@ class Scene:
     keys: tuple[Keyframe, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fix:
-    """A target found in one frame."""
+    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since."""
 
     frame: int
     xy_px: tuple[float, float]
+    linear: Floats
     sigma_px: float
     score: float
 
@@ -65,6 +66,8 @@ class Followed:
     usual    (score, share agreeing) of this target when all of it is seen
     pending  fixes after a loss that wait for confirmation; None while not in doubt
     lost_s   how long it has been hidden
+    scale_when_lost  image pixels for one of the first box's frame, when it was last seen
+    hidden, gone  not seen now; not looked for any more
     fixes, travelled_px  so far; the way is over the ground
     """
 
@@ -74,7 +77,9 @@ class Followed:
     coarse: Coarse | None
     usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
+    scale_when_lost: float = 1.0
     hidden: bool = False
+    gone: bool = False
     pending: tuple[Fix, ...] = ()
     fixes: int = 0
     travelled_px: float = 0.0
@@ -97,23 +102,25 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
         course=first_course(centre, max(size)),
         coarse=start_coarse(settings.tracker, image, Warp(linear=np.eye(2), centre_px=centre), size),
     )
-    return target, Fix(frame=box.frame, xy_px=box.centre_px, sigma_px=SIGMA_FLOOR_PX, score=1.0)
+    return target, Fix(frame=box.frame, xy_px=box.centre_px, linear=np.eye(2), sigma_px=SIGMA_FLOOR_PX, score=1.0)
 
 
 def follow(
     target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
+    if target.gone:
+        return target, ()
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
     target = replace(target, course=course, linear=jacobian @ target.linear)
     if target.hidden:
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, image, settings)
     if found is None:
-        gone = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
-        return gone, ()
+        lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
+        return replace(lost, scale_when_lost=_scale(target.linear)), ()
     target = _learned(target, image, found, scene, settings)
-    fix = _fix(frame, found)
+    fix = _fix(frame, found, target)
     if not target.pending:
         return target, (fix,)
     pending = (*target.pending, fix)
@@ -123,21 +130,26 @@ def follow(
 
 
 def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
-    """The coarse tracker's answer refined; if that does not hold, the prediction, then a search close by."""
+    """The coarse tracker's answer refined; where that is in doubt, the better of it and of a search close by.
+
+    A new target may score less: its first look is noisy and holds some of what is behind it.
+    """
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     start = None
     if target.coarse is not None:
         coarse, start = look(target.coarse, image, predicted)
         target = replace(target, coarse=coarse)
+    found = None
     if start is not None:
         found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
-        if _holds(target, found, _least(target, settings), TO_FOLLOW):
+        if _holds(target, found, settings.accept_score, TO_LEARN):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
     near = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
-    if near is not None and _holds(target, near, _least(target, settings), TO_FOLLOW):
-        return replace(target, coarse=None), near
-    return target, None
+    least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
+    good = [a for a in (found, near) if a is not None and _holds(target, a, least, TO_FOLLOW)]
+    best = max(good, key=lambda a: a.score, default=None)
+    return (target if best is found else replace(target, coarse=None)), best
 
 
 def _searched(
@@ -145,7 +157,9 @@ def _searched(
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """A hidden target: the whole region in which it can be."""
     target = replace(target, lost_s=target.lost_s + scene.dt_s)
-    if target.lost_s > settings.longest_loss_s or not _in_view(target.course, image):
+    if target.lost_s > settings.longest_loss_s or not _can_return(target, image):
+        return replace(target, gone=True), ()
+    if not _in_view(target.course, image):
         return target, ()
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     reach = 4.0 + 3.0 * target.course.sigma_px
@@ -157,7 +171,21 @@ def _searched(
     if target.lost_s < MAY_HAVE_STOPPED_S and _part_of_scene(target, found, scene):
         return target, ()
     target = replace(target, hidden=False, coarse=None)
-    return replace(_learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found),)), ()
+    return replace(
+        _learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found, target),)
+    ), ()
+
+
+def _scale(linear: Floats) -> float:
+    return float(np.sqrt(abs(np.linalg.det(linear))))
+
+
+def _can_return(target: Followed, image: Image) -> bool:
+    """Whether where it must be is still known: not far outside the image, where the background's motion is a guess."""
+    height, width = image.shape[:2]
+    x, y = target.course.position_px
+    near = -width < x < 2 * width and -height < y < 2 * height
+    return bool(near and 0.5 < _scale(target.linear) / target.scale_when_lost < 2.0)
 
 
 def _in_view(course: Course, image: Image) -> bool:
@@ -167,15 +195,10 @@ def _in_view(course: Course, image: Image) -> bool:
     return bool(-slack < x < width + slack and -slack < y < height + slack)
 
 
-def _least(target: Followed, settings: TrackingSettings) -> float:
-    """The score to be followed; a new target's first look is noisy and holds some of what is behind it."""
-    return min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
-
-
 def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
     """Verification: it looks like the target, most of it is there, and it is where it can be."""
     size = float(np.sqrt(np.prod(target.template.size_px)))
-    scale = np.sqrt(abs(np.linalg.det(found.warp.linear)))
+    scale = _scale(found.warp.linear)
     gate = GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
     seen = np.array([found.score, found.agreeing])
     return (
@@ -186,7 +209,7 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
         )
         and found.inside >= LEAST_INSIDE
         and bool(np.hypot(*(found.warp.centre_px - target.course.position_px)) < gate)
-        and 0.7 < scale / np.sqrt(abs(np.linalg.det(target.linear))) < 1.4
+        and 0.7 < scale / _scale(target.linear) < 1.4
     )
 
 
@@ -207,7 +230,7 @@ def _learned(
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
     usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
-    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found)))
+    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found, template.size_px)))
     return replace(
         target,
         template=template,
@@ -259,11 +282,25 @@ def _inside_image(point_px: Floats, image: Image) -> bool:
     return bool(np.all(point_px >= 0) and point_px[0] < image.shape[1] and point_px[1] < image.shape[0])
 
 
-def _fix(frame: int, found: Alignment) -> Fix:
+def _fix(frame: int, found: Alignment, target: Followed) -> Fix:
     x, y = found.warp.centre_px
-    return Fix(frame=frame, xy_px=(float(x), float(y)), sigma_px=_sigma_px(found), score=found.score)
+    return Fix(
+        frame=frame,
+        xy_px=(float(x), float(y)),
+        linear=found.warp.linear,
+        sigma_px=_sigma_px(found, target.template.size_px),
+        score=found.score,
+    )
 
 
-def _sigma_px(found: Alignment) -> float:
+def _sigma_px(found: Alignment, size_px: tuple[float, float]) -> float:
+    """Of a fix, per axis: a floor, the match's own uncertainty, and what a changed view does to a solid thing.
+
+    The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
+    from one frame to the next.
+    """
     variance = float(np.trace(found.covariance_px2)) / 2
-    return float(np.sqrt(SIGMA_FLOOR_PX**2 + SIGMA_SCALE**2 * variance))
+    larger, smaller = np.linalg.svd(found.warp.linear, compute_uv=False)
+    changed = abs(np.log(larger * smaller)) / 2 + np.log(larger / smaller)
+    view = VIEW_SHARE * changed * float(np.sqrt(np.prod(size_px) * larger * smaller))
+    return float(np.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2))

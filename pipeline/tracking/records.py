@@ -36,6 +36,7 @@ class VideoTracks:
 
     tracks        one for each target, in the order of the boxes; rows from the box's frame to the video's last
     frame_time_s, frame_rate, image_size  as in `VideoTimes`, of the frames that could be decoded
+    outlines_px   one for each track: (n, 4, 2) corners of its first box, carried along; NaN while lost
     notes         what a person should know: frames missing, targets never found again
     """
 
@@ -44,6 +45,8 @@ class VideoTracks:
     frame_rate: float
     image_size: tuple[int, int]
     notes: tuple[str, ...] = ()
+    outlines_px: tuple[Floats, ...] = ()
 
     def __post_init__(self) -> None:
-        settle(self, frame_time_s=frozen(self.frame_time_s, (None,), "frame_time_s"))
+        outlines = tuple(frozen(o, (None, 4, 2), "outlines_px") for o in self.outlines_px)
+        settle(self, frame_time_s=frozen(self.frame_time_s, (None,), "frame_time_s"), outlines_px=outlines)

@@ -57,6 +57,7 @@ def track_video(
         frame_time_s=times,
         frame_rate=head.frame_rate,
         image_size=size,
+        outlines_px=tuple(_outlines(box, fixes[name], len(times)) for name, box in boxes.items()),
         notes=(*notes, *_losses(tracks), *_gaps(times, head.frame_rate, head.frames)),
     )
 
@@ -107,6 +108,15 @@ def _track(camera: str, target: str, box: Box, fixes: list[Fix], times: Floats) 
     return ImageTrack(
         camera=camera, target=target, frame=frame, time_s=times[box.frame :], xy_px=xy, sigma_px=sigma, state=state
     )
+
+
+def _outlines(box: Box, fixes: list[Fix], frames: int) -> Floats:
+    """Corners (n, 4, 2) of the box as it was carried along."""
+    corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([box.width, box.height]) / 2
+    outlines = np.full((frames - box.frame, 4, 2), np.nan)
+    for fix in fixes:
+        outlines[fix.frame - box.frame] = corner @ fix.linear.T + np.array(fix.xy_px)
+    return outlines
 
 
 @contextmanager

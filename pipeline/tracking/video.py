@@ -47,8 +47,8 @@ def video_times(path: Path) -> VideoTimes:
 
     Raises InputFileError where there is no video or no frame in it.
     """
+    head = video_head(path)  # of the upright picture; the packets know nothing of rotation
     capture = _opened(path, [cv2.CAP_PROP_FORMAT, -1])
-    head = _head(capture, path)
     stamps: list[float] = []
     while capture.grab():
         stamps.append(capture.get(cv2.CAP_PROP_POS_MSEC))

@@ -74,10 +74,9 @@ def scene(
         rotate = np.array([[c, -s, 0], [s, c, 0], [lean[f, 0], lean[f, 1], 1.0]])
         maps.append(np.array([[1, 0, width / 2], [0, 1, height / 2], [0, 0, 1.0]]) @ rotate @ centre)
     image_from_ground = np.array(maps)
-    cars = [
-        _plausible_car(rng, f"car{i + 1}", length, image_from_ground, size, i, len(lengths), speed)
-        for i, length in enumerate(lengths)
-    ]
+    cars: list[Car] = []
+    for i, length in enumerate(lengths):
+        cars.append(_plausible_car(rng, cars, f"car{i + 1}", length, image_from_ground, size, i, len(lengths), speed))
     bridges = [_free_bridge(rng, cars, i, hidden[i]) for i in range(len(cars)) if hidden[i]]
     ground, corner = _ground(rng, image_from_ground, size)
     return Scene(
@@ -94,15 +93,16 @@ def scene(
     )
 
 
-def _plausible_car(rng, name, length, maps, size, *more) -> Car:
-    """A car that neither turns on the spot nor flies nor leaves the image; the last try where none is found."""
-    for _ in range(60):
+def _plausible_car(rng, others, name, length, maps, size, *more) -> Car:
+    """A car that neither spins nor flies nor leaves the image nor runs into another; else the last one tried."""
+    for _ in range(200):
         car = _car(rng, name, length, maps, size, *more)
         speed = np.hypot(*np.gradient(car.place, axis=0).T).max() / car.size[0] * 25
         turn = np.abs(np.gradient(car.heading)).max() * 25
         outline = np.concatenate([_placed(maps[f], car, f) for f in range(0, len(maps), 5)])
         inside = bool(np.all(outline > 4) and np.all(outline < np.array(size) - 4))
-        if speed < 8 and turn < np.radians(30) and inside:
+        gap = [np.hypot(*(car.place - o.place).T).min() - (car.size[0] + o.size[0]) * 0.8 for o in others]
+        if speed < 8 and turn < np.radians(30) and inside and min(gap, default=1.0) > 0:
             break
     return car
 
@@ -151,8 +151,10 @@ def _free_bridge(rng, cars: list[Car], own: int, hidden: int) -> np.ndarray:
     for _ in range(30):
         bridge = _bridge(rng, cars[own], hidden)
         polygon = bridge.astype(np.float32).reshape(-1, 1, 2)
+        under = [cv2.pointPolygonTest(polygon, tuple(map(float, p)), False) >= 0 for p in cars[own].place]
         others = [(car, f) for i, car in enumerate(cars) if i != own for f in range(0, len(car.place), 4)]
-        if all(cv2.pointPolygonTest(polygon, tuple(map(float, c.place[f])), True) < -c.size[0] for c, f in others):
+        apart = all(cv2.pointPolygonTest(polygon, tuple(map(float, c.place[f])), True) < -c.size[0] for c, f in others)
+        if apart and sum(under) < 2.5 * hidden + 12:
             break
     return bridge
 

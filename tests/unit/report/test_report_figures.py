@@ -194,7 +194,7 @@ def test_the_comparison_is_a_table_and_bars(results):
         Comparison(what="frame rate of uav2", unit="Hz", before=np.nan, after=0.0, sigma=0.001),
     )
     page = truth_figures(dataclasses.replace(results, comparison=rows))
-    assert "offset of uav2 s 1.60 0.00400 0.00200 2.0 400\u00d7" in text(page)
+    assert "offset of uav2 s 1.60 0.00400 0.00200 2.0 400" in text(page)
     assert "frame rate of uav2 Hz \u2013 0 0.00100 0.0 \u2013" in text(page)
     widths = [float(w) for w in re.findall(r'd="M0 [\d.]+H([\d.]+)" class="bar-(?:before|after)"', page)]
     assert len(widths) == 2

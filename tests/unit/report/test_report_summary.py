@@ -14,15 +14,38 @@ def solved(results: Results, **changes) -> Results:
     return dataclasses.replace(results, solution=dataclasses.replace(results.solution, **changes))
 
 
+def unjudged(results: Results) -> Results:
+    return dataclasses.replace(results, truth=None, comparison=())
+
+
 def said(results: Results) -> str:
     return " ".join(r.words for r in remarks(results))
 
 
 def test_the_verdict_says_what_was_found_and_how_sure():
-    grade, words = verdict(fake_results())
+    grade, words = verdict(unjudged(fake_results()))
     assert grade == "good"
     assert words.startswith("Converged: 4 targets, 2 cameras; positions to 0.")
     assert "uav2 started 1.600 \u00b1 0.004\u00a0s after uav1." in words
+
+
+@pytest.mark.parametrize(
+    ("change", "but"),
+    [
+        (lambda r: r, "further from the truth than claimed"),
+        (lambda r: solved(unjudged(r), chi_square=8000.0), "the residuals are larger than their sigmas promise"),
+        (
+            lambda r: solved(
+                unjudged(r), offset_candidates=tuple(OffsetCandidate(offset_s={}, cost=c) for c in (1, 3))
+            ),
+            "other time offsets fit nearly as well",
+        ),
+    ],
+)
+def test_a_converged_answer_that_is_contradicted_is_not_called_good(change, but):
+    grade, words = verdict(change(fake_results()))
+    assert grade == "care"
+    assert words.startswith(f"Converged, but {but}: 4 targets")
 
 
 def test_a_camera_that_started_earlier_is_said_so():

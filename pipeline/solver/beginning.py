@@ -1,0 +1,108 @@
+"""Where an adjustment begins: the candidates for the offsets, a first motion, and a descent that forgives the start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.arrays import Floats
+from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
+from pipeline.solver.elimination import HUBER, NONE, Loss
+from pipeline.solver.intersection import intersect, intersect_weighted
+from pipeline.solver.layout import Frames
+from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
+from pipeline.solver.model import Model, State
+from pipeline.solver.residuals import linearise
+from pipeline.solver.search import search_offsets
+from pipeline.solver.start import MotionChoice, first_camera, first_model, given_offsets
+from pipeline.solver.timing import FOCAL, common_time_s
+
+TRIED = 3
+"""Offset candidates that are given a short adjustment each."""
+TRIAL = 25
+"""Iterations of it."""
+STAGES, SHORT, COARSE, FAR = 4, 8, 1e-2, 2.5
+"""Of a graduated loss: stages and iterations of each at most, what ends one, median residuals at which it bends."""
+CLEARLY_WORSE = 10.0
+"""Cost (half chi-square) by which the next best offsets must be worse not to be called ambiguous."""
+
+
+def candidates(problem: Problem, settings: SolverSettings) -> tuple[OffsetCandidate, ...]:
+    """Offsets to start from: what the problem gives, or what the global search finds, best first."""
+    unknown = any(c.offset_s is None for c in problem.cameras if c.camera != problem.reference_camera)
+    if unknown and settings.method in ("algorithm-1", "algorithm-2", "map"):
+        return search_offsets(problem, settings)
+    return (OffsetCandidate(offset_s=given_offsets(problem), cost=0.0),)
+
+
+def best_start(
+    found: tuple[OffsetCandidate, ...], begin: Callable[[OffsetCandidate, int], Fit], iterations: int
+) -> tuple[Fit, tuple[OffsetCandidate, ...], tuple[Finding, ...]]:
+    """A short adjustment from each of the best candidates; the lowest cost goes on, all are reported."""
+    if len(found) == 1:
+        return begin(found[0], iterations), found, ()
+    fits = [begin(c, min(TRIAL, iterations)) for c in found[:TRIED]]
+    ranked = sorted(range(len(fits)), key=lambda i: fits[i].cost)
+    reported = tuple(
+        OffsetCandidate(offset_s=found[i].offset_s, cost=fits[i].cost, frame_rate=found[i].frame_rate) for i in ranked
+    )
+    return fits[ranked[0]], reported, ambiguous(reported)
+
+
+def ambiguous(ranked: tuple[OffsetCandidate, ...]) -> tuple[Finding, ...]:
+    """A finding where the second best offsets are not clearly worse than the best."""
+    if len(ranked) < 2 or ranked[1].cost - ranked[0].cost > CLEARLY_WORSE:
+        return ()
+    other = ", ".join(f"{name} {value:+.2f} s" for name, value in ranked[1].offset_s.items())
+    return (
+        Finding(
+            kind="ambiguous-offset",
+            subject="",
+            words=f"other time offsets fit nearly as well ({other}): the cost differs by only "
+            f"{ranked[1].cost - ranked[0].cost:.1f}",
+        ),
+    )
+
+
+def statistical_start(
+    problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, candidate: OffsetCandidate
+) -> tuple[Model, State]:
+    """The motion by weighted intersection at a candidate's clocks, or by plain intersection where that is enough."""
+    camera = first_camera(problem, candidate.offset_s, candidate.frame_rate)
+    model, state = first_model(problem, settings, frames, choice, camera)
+    if "spline" in choice.kinds:
+        return model, intersect_weighted(model, state)
+    return model, intersect(model, state)
+
+
+def graduated(model: Model, state: State, descent: Descent) -> Fit:
+    """Levenberg-Marquardt from far: the robust loss bends late at first, so that errors of the start are no outliers.
+
+    Each stage bends at `FAR` times the median residual that it finds, until that is nearly the loss' own bend.
+    """
+    wanted, done = model.loss, 0
+    for _ in range(STAGES if wanted.kind != NONE else 0):
+        bend = FAR * float(np.median(residual_lengths(model, state)))
+        if bend <= 1.5 * wanted.bend:
+            break
+        eased = replace(model, loss=Loss(kind=HUBER, bend=bend))
+        fit = levenberg_marquardt(eased, state, replace(descent, max_iterations=SHORT), small=COARSE)
+        model, state, done = replace(fit.model, loss=wanted), fit.state, done + fit.iterations
+    fit = levenberg_marquardt(model, state, replace(descent, max_iterations=max(1, descent.max_iterations - done)))
+    return replace(fit, iterations=fit.iterations + done)
+
+
+def residual_lengths(model: Model, state: State) -> Floats:
+    """(m,) length of every sighting's residual in sigmas."""
+    return np.asarray(np.linalg.norm(residuals(model, state)[model.frames.seen], axis=-1))
+
+
+def residuals(model: Model, state: State) -> Floats:
+    """(F, N, 2) residuals in sigmas."""
+    frames = model.frames
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)
+    error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
+    position = model.basis.position(time, state.coefficients)
+    return linearise(frames, slice(None), position, error, state.camera[frames.camera, FOCAL]).residual

@@ -1,0 +1,126 @@
+"""Seeds, hidden sightings, and the measure of an answer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.errors import UsageError
+from pipeline.experiments import EXPERIMENTS, experiment_named
+from pipeline.experiments.approaches import MAP, MULTI_TI
+from pipeline.experiments.count_experiments import occlusion, solvable
+from pipeline.experiments.declare import Grid, Path3D, Spell
+from pipeline.experiments.figures import FIGURES, words
+from pipeline.experiments.flights import answer, cell_scene, flown, fly, run_seed, told, without_hidden
+from pipeline.experiments.measure import MEASURES, place, viewpoint_errors
+from pipeline.experiments.summary import estimate
+
+
+def test_every_run_of_every_cell_has_its_own_seed():
+    seeds = {run_seed(e, c, r, s) for e in ("offset", "speed") for c in range(3) for r in range(3) for s in (1, 2)}
+    assert len(seeds) == 36
+    assert run_seed("offset", 2, 1, 7) == run_seed("offset", 2, 1, 7)
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_is_whole(name):
+    e = experiment_named(name)
+    assert e.name == name
+    assert e.title
+    assert e.geometry
+    assert e.reference in [a.name for a in e.approaches]
+    names = {a.name for a in e.approaches}
+    for cell in e.cells:
+        assert set(cell.published) <= names
+        assert cell.values.keys() == e.cells[0].values.keys()
+    for drawing in e.drawings:
+        if isinstance(drawing, Path3D):
+            assert drawing.cell < len(e.cells)
+        if isinstance(drawing, Grid):
+            assert drawing.measure in FIGURES
+
+
+def test_an_unknown_name_is_told_the_nearest():
+    with pytest.raises(UsageError, match="'accuracy'"):
+        experiment_named("acuracy")
+
+
+def test_hidden_sightings_leave_the_problem_and_nothing_else():
+    problem, _, _ = flown(occlusion(), 0, 0, 1)
+    spells = tuple(Spell(camera=1, target=t, first=5, last=15) for t in range(4))
+    less = without_hidden(problem, spells)
+    assert less.cameras[0] is problem.cameras[0] or len(less.cameras[0].rays.frame) == len(
+        problem.cameras[0].rays.frame
+    )
+    assert not np.isin(np.arange(5, 15), less.cameras[1].rays.frame).any()
+    assert set(less.cameras[1].poses.frame) == set(less.cameras[1].rays.frame)
+    one = without_hidden(problem, spells[:1])
+    assert set(one.cameras[1].poses.frame) == set(problem.cameras[1].poses.frame)
+    assert len(one.cameras[1].rays.frame) == len(problem.cameras[1].rays.frame) - 10
+
+
+def test_occlusion_hides_the_stated_share():
+    for cell in occlusion().cells:
+        hidden = sum(s.last - s.first for s in cell.hidden)
+        assert hidden == pytest.approx(cell.values["hidden_share"] * 2 * 4 * 50)
+
+
+def test_a_wrong_clock_costs_what_it_moves_the_target():
+    e = experiment_named("synchronised")
+    cell = replace(e.cells[-1], noise=replace(e.cells[-1].noise, pixel_px=1e-6, attitude_bias_rad=0.0, attitude_rad=0.0,
+                                              position_bias_m=0.0, position_m=0.0))  # fmt: skip
+    quiet = replace(e, cells=(cell,))
+    problem, _, scene = flown(quiet, 0, 0, 1)
+    wrong, _ = answer(problem, cell, MULTI_TI)
+    right, _ = answer(problem, cell, MAP)
+    assert np.linalg.norm(viewpoint_errors(right, scene, 0), axis=1).max() < 0.01
+    # one second at 9.1 m/s, shared by both cameras
+    assert 3.0 < np.linalg.norm(viewpoint_errors(wrong, scene, 0), axis=1).mean() < 9.1
+    assert wrong.clocks[1].offset_s - scene.cameras[1].offset_s == pytest.approx(1.0)
+
+
+def test_what_an_approach_is_told_is_not_what_is_flown():
+    e = experiment_named("priors")
+    problem, _, _ = flown(e, 0, 0, 1)
+    for approach in e.approaches[1:]:
+        asked = told(problem, e.cells[0], approach)
+        assert asked.cameras[0].sigma != problem.cameras[0].sigma
+        assert asked.cameras[0].rays is problem.cameras[0].rays
+
+
+def test_no_answer_is_no_figure():
+    e = experiment_named("monocular")
+    still = next(i for i, c in enumerate(e.cells) if c.values["case"] == "straight")
+    quiet = replace(e.cells[still].noise, pixel_px=1e-9, attitude_bias_rad=0.0, attitude_rad=0.0, position_bias_m=0.0,
+                    position_m=0.0)  # fmt: skip
+    out = fly(replace(e, cells=(replace(e.cells[still], noise=quiet),)), 0, 0, 1)
+    assert out.shape == (2, len(MEASURES))
+    assert np.isnan(out[0, place("error_m")]) or out[0, place("error_m")] > 1.0
+    assert np.isfinite(out[:, place("seconds")]).all()
+
+
+def test_the_papers_count_of_equations():
+    assert solvable(1, 1, 2, 100) == "no"
+    assert solvable(2, 1, 2, 16) == "yes"
+    assert solvable(2, 1, 2, 15) == "no"
+
+
+def test_estimates_pass_over_what_has_no_answer():
+    e = estimate(np.array([1.0, np.nan, 3.0]))
+    assert (e.mean, e.deviation) == (2.0, pytest.approx(np.sqrt(2)))
+    assert e.error == pytest.approx(1.0)
+    assert np.isnan(estimate(np.array([np.nan])).mean)
+
+
+def test_numbers_for_people():
+    assert [words(v) for v in (3.14159, 0.0, 1234.5, -0.5, float("nan"), 1e-7)] == [
+        "3.14", "0.00", "1234", "\u22120.500", "\u2013", "1.0e\u221207",
+    ]  # fmt: skip
+
+
+def test_scenes_keep_their_targets_in_view():
+    for name in ("rotation", "long-range", "cameras"):
+        scene = cell_scene(experiment_named(name).cells[-1])
+        problem, _, _ = flown(experiment_named(name), len(experiment_named(name).cells) - 1, 0, 1)
+        full = sum(c.frames for c in scene.cameras) * len(scene.targets)
+        assert sum(len(c.rays.frame) for c in problem.cameras) > 0.9 * full
