@@ -196,11 +196,11 @@ def information(scene: Scene, noise: Noise, who: Unknowns, rows: Sequence[Camera
     total = np.zeros((who.count, who.count))
     for c, own in enumerate(rows):
         jacobian, covariance = camera_jacobian(own, who, c), frame_covariance(own, noise)
-        for f in range(len(own.time_s)):
-            seen = np.repeat(own.seen[f], 2)
-            if seen.any():
-                j = jacobian[f].reshape(-1, who.count)[seen]
-                total += j.T @ np.linalg.solve(covariance[f][np.ix_(seen, seen)], j)
+        seen = np.repeat(own.seen, 2, axis=1)
+        rows_of = jacobian.reshape(*seen.shape, who.count) * seen[..., None]
+        both = seen[:, :, None] & seen[:, None, :]
+        kept = np.where(both, covariance, np.eye(seen.shape[1]))  # what is not seen has no row and disturbs none
+        total += np.einsum("fri,frj->ij", rows_of, np.linalg.solve(kept, rows_of), optimize=True)
     return total
 
 

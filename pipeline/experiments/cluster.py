@@ -1,21 +1,21 @@
-"""The same tasks on a Dask cluster, for more runs than one machine can do (extra `runningfix[cluster]`)."""
+"""The same jobs on a Dask cluster, for more runs than one machine can do (extra `runningfix[cluster]`)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import Any
 
-from calibration.arrays import Floats
 from pipeline.errors import UsageError
-from pipeline.experiments.runner import Task, Workers, do_task
+from pipeline.experiments.runner import Job, Workers, perform
 
 
 def cluster(address: str) -> Workers:
-    """Tasks done by the workers of the scheduler at `address`; they need this package, and one thread each."""
+    """Jobs done by the workers of the scheduler at `address`; they need this package, and one thread each."""
     return partial(_on_cluster, address)
 
 
-def _on_cluster(address: str, tasks: Sequence[Task]) -> Iterator[tuple[int, Floats]]:
+def _on_cluster(address: str, jobs: Sequence[Job]) -> Iterator[tuple[int, Any]]:
     try:
         from distributed import Client, as_completed
     except ImportError:
@@ -31,7 +31,7 @@ def _on_cluster(address: str, tasks: Sequence[Task]) -> Iterator[tuple[int, Floa
             expected="the address of a Dask scheduler, such as tcp://127.0.0.1:8786", advice="dask scheduler",
         ) from None  # fmt: skip
     with client:
-        futures = client.map(do_task, list(tasks), pure=False)
+        futures = client.map(perform, list(jobs), pure=False)
         number = {future.key: i for i, future in enumerate(futures)}
         for future, result in as_completed(futures, with_results=True):
             yield number[future.key], result

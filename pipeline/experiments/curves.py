@@ -8,6 +8,7 @@ from calibration.arrays import Floats
 from pipeline.experiments.declare import Curve, Value
 from pipeline.experiments.figures import figure_of
 from pipeline.experiments.summary import Outcome
+from pipeline.experiments.tones import tone
 from pipeline.report.axes import span
 from pipeline.report.markup import Html, joined, tag
 from pipeline.report.plot import Panel, chart, dots, line, panel, points
@@ -85,11 +86,6 @@ def _tone(outcome: Outcome, name: str) -> str:
     return tone(
         outcome.experiment.approach(name), outcome.experiment.approaches[outcome.experiment.approach(name)].ours
     )
-
-
-def tone(number: int, ours: bool) -> str:
-    """The colour of an approach; ours is drawn thick."""
-    return f"c{number % 8}" + (" ours" if ours else "")
 
 
 def _legend(outcome: Outcome) -> Html:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from importlib.resources import files
 
 from pipeline.experiments.curves import curve_figure
 from pipeline.experiments.declare import Axes, Curve, Drawing, Grid, Path3D
 from pipeline.experiments.figures import figure_of, words
-from pipeline.experiments.paths import FlownPath, path_figure
+from pipeline.experiments.paths import path_figure
 from pipeline.experiments.summary import Outcome
 from pipeline.report.markup import Html, joined, tag
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
-def render_page(outcome: Outcome, paths: Sequence[FlownPath] = ()) -> str:
+def render_page(outcome: Outcome) -> str:
     """The page. It depends on the outcome alone: the same runs give the same bytes."""
     e = outcome.experiment
     flown = outcome.runs.shape[1]
@@ -35,7 +34,7 @@ def render_page(outcome: Outcome, paths: Sequence[FlownPath] = ()) -> str:
         tag("p", e.about),
         tag("p", tag("b", "Geometry"), f" (ours: the paper does not publish its own): {e.geometry}."),
         tag("p", f"{flown} runs for every cell, seed {outcome.seed}. Figures are means \u00b1 their standard error."),
-        *(_drawing(outcome, d, paths) for d in e.drawings),
+        *(_drawing(outcome, d) for d in e.drawings),
         _verdict(outcome),
         tag("h2", "What to know"),
         tag("ul", *(tag("li", r) for r in (*e.remarks, ABOUT_BOUND))),
@@ -51,7 +50,7 @@ ABOUT_BOUND = (
 )
 
 
-def _drawing(outcome: Outcome, drawing: Drawing, paths: Sequence[FlownPath]) -> Html:
+def _drawing(outcome: Outcome, drawing: Drawing) -> Html:
     if isinstance(drawing, Grid):
         return grid_table(outcome, drawing)
     if isinstance(drawing, Axes):
@@ -59,7 +58,7 @@ def _drawing(outcome: Outcome, drawing: Drawing, paths: Sequence[FlownPath]) -> 
     if isinstance(drawing, Curve):
         return curve_figure(outcome, drawing)
     assert isinstance(drawing, Path3D)
-    return joined(*(path_figure(drawing, p) for p in paths if p.cell == drawing.cell))
+    return path_figure(drawing, outcome.paths[drawing.cell])
 
 
 def grid_table(outcome: Outcome, grid: Grid) -> Html:

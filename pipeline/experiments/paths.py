@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.arrays import Floats
-from pipeline.experiments.curves import tone
 from pipeline.experiments.declare import Experiment, Path3D
 from pipeline.experiments.flights import answer, flown
+from pipeline.experiments.tones import tone
 from pipeline.report.axes import span
 from pipeline.report.markup import Html, tag
 from pipeline.report.plot import chart, line, panel

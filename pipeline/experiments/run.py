@@ -6,29 +6,24 @@ from pathlib import Path
 
 from pipeline.errors import WriteError
 from pipeline.experiments.catalogue import experiment_named
-from pipeline.experiments.declare import Path3D
 from pipeline.experiments.page import render_page
-from pipeline.experiments.paths import fly_path
 from pipeline.experiments.runner import Progress, Workers, fly_all
-from pipeline.experiments.summary import Outcome, summarise
+from pipeline.experiments.summary import Outcome
 from pipeline.experiments.tables import results_csv, runs_csv
 
 
 def run_experiment(name: str, *, runs: int, seed: int, workers: Workers, progress: Progress) -> Outcome:
     """Fly an experiment. Raises UsageError where there is none of that name."""
-    experiment = experiment_named(name)
-    return summarise(experiment, fly_all(name, runs=runs, seed=seed, workers=workers, progress=progress), seed)
+    return fly_all(experiment_named(name), runs=runs, seed=seed, workers=workers, progress=progress)
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> tuple[str, ...]:
     """`results.csv`, `runs.csv` and `NAME.html` in `folder`; returns their names. Raises WriteError."""
     experiment = outcome.experiment
-    cells = [d.cell for d in experiment.drawings if isinstance(d, Path3D)]
-    paths = [fly_path(experiment, cell, outcome.seed) for cell in cells]
     texts = {
         f"{experiment.name}.csv": results_csv(outcome),
         f"{experiment.name}-runs.csv": runs_csv(outcome),
-        f"{experiment.name}.html": render_page(outcome, paths),
+        f"{experiment.name}.html": render_page(outcome),
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """Many runs on many processes, with the same numbers however many there are.
 
-A task is some runs of one cell. Every run has its own seed, so tasks may be done anywhere and in any order; each
-process computes with one thread, so that sums are always taken in the same order.
+A job is some runs of one cell, or its bound. Every run has its own seed, so jobs may be done anywhere and in any
+order; each process computes with one thread, so that sums are always taken in the same order.
 """
 
 from __future__ import annotations
@@ -15,24 +15,42 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from calibration.arrays import Floats
+from pipeline.experiments.bound import Bound
 from pipeline.experiments.catalogue import experiment_named
+from pipeline.experiments.declare import Experiment, Path3D
 from pipeline.experiments.flights import fly
 from pipeline.experiments.measure import MEASURES
+from pipeline.experiments.paths import FlownPath, fly_path
+from pipeline.experiments.summary import Outcome, cell_bounds, summarise
 
-RUNS_PER_TASK = 10
+RUNS_PER_JOB = 10
 PATIENCE_S = 0.5
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 Progress = Callable[[str, int, int], None]
 
 
+class Job(Protocol):
+    """A piece of work that can be sent to another process."""
+
+    def __call__(self) -> Any:
+        """Do it."""
+
+
+class Workers(Protocol):
+    """Whatever does jobs: yields (number of the job, its result) in any order."""
+
+    def __call__(self, jobs: Sequence[Job]) -> Iterator[tuple[int, Any]]:
+        """Do all of them."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class Task:
-    """Runs `first` to `first + count` (exclusive) of cell number `cell`."""
+class Flights:
+    """Runs `first` to `first + count` (exclusive) of cell number `cell`: (runs, approaches, measures)."""
 
     experiment: str
     cell: int
@@ -40,56 +58,88 @@ class Task:
     count: int
     seed: int
 
-
-class Workers(Protocol):
-    """Whatever does tasks: yields (number of the task, its result) in any order."""
-
-    def __call__(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Floats]]:
-        """Do all of them."""
-
-
-def do_task(task: Task) -> Floats:
-    """(runs, approaches, measures)."""
-    experiment = experiment_named(task.experiment)
-    if experiment.timed:
-        fly(experiment, task.cell, task.first, task.seed)  # so that nobody's clock pays for loading
-    runs = range(task.first, task.first + task.count)
-    return np.stack([fly(experiment, task.cell, run, task.seed) for run in runs])
+    def __call__(self) -> Floats:
+        """Fly them."""
+        experiment = experiment_named(self.experiment)
+        if experiment.timed:
+            fly(experiment, self.cell, self.first, self.seed)  # so that nobody's clock pays for loading
+        runs = range(self.first, self.first + self.count)
+        return np.stack([fly(experiment, self.cell, run, self.seed) for run in runs])
 
 
-def tasks_of(name: str, cells: int, runs: int, seed: int) -> list[Task]:
-    """All tasks, cell by cell. How many runs a task has says nothing about the numbers."""
-    return [
-        Task(experiment=name, cell=cell, first=first, count=min(RUNS_PER_TASK, runs - first), seed=seed)
-        for cell in range(cells)
-        for first in range(0, runs, RUNS_PER_TASK)
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """The bound of a cell for every approach in it, by its number."""
+
+    experiment: str
+    cell: int
+
+    def __call__(self) -> dict[int, Bound]:
+        """Compute them."""
+        experiment = experiment_named(self.experiment)
+        return cell_bounds(experiment, self.cell)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """The first run of a cell as a drawing shows it."""
+
+    experiment: str
+    cell: int
+    seed: int
+
+    def __call__(self) -> FlownPath:
+        """Fly it."""
+        return fly_path(experiment_named(self.experiment), self.cell, self.seed)
+
+
+def jobs_of(experiment: Experiment, runs: int, seed: int) -> list[Flights | Limits | Drawn]:
+    """All jobs, cell by cell. How many runs a job has says nothing about the numbers."""
+    name, cells = experiment.name, range(len(experiment.cells))
+    flights = [
+        Flights(experiment=name, cell=cell, first=first, count=min(RUNS_PER_JOB, runs - first), seed=seed)
+        for cell in cells
+        for first in range(0, runs, RUNS_PER_JOB)
     ]
+    drawn = [Drawn(experiment=name, cell=d.cell, seed=seed) for d in experiment.drawings if isinstance(d, Path3D)]
+    return [*flights, *(Limits(experiment=name, cell=cell) for cell in cells), *drawn]
 
 
-def fly_all(name: str, *, runs: int, seed: int, workers: Workers, progress: Progress) -> Floats:
-    """(cells, runs, approaches, measures) of an experiment."""
-    experiment = experiment_named(name)
-    tasks = tasks_of(name, len(experiment.cells), runs, seed)
+def fly_all(experiment: Experiment, *, runs: int, seed: int, workers: Workers, progress: Progress) -> Outcome:
+    """All runs of an experiment, and what stands beside them."""
+    jobs = jobs_of(experiment, runs, seed)
     out = np.full((len(experiment.cells), runs, len(experiment.approaches), len(MEASURES)), np.nan)
+    limits: dict[int, dict[int, Bound]] = {}
+    paths: dict[int, FlownPath] = {}
     done, total = 0, len(experiment.cells) * runs
-    progress(name, 0, total)
-    for number, result in workers(tasks):
-        task = tasks[number]
-        out[task.cell, task.first : task.first + task.count] = result
-        done += task.count
-        progress(name, done, total)
-    return out
+    progress(experiment.name, 0, total)
+    for number, result in workers(jobs):
+        job = jobs[number]
+        if isinstance(job, Flights):
+            out[job.cell, job.first : job.first + job.count] = result
+            done += job.count
+            progress(experiment.name, done, total)
+        elif isinstance(job, Limits):
+            limits[job.cell] = result
+        else:
+            paths[job.cell] = result
+    return summarise(experiment, out, seed, limits, paths)
 
 
-def processes(jobs: int) -> Workers:
-    """Tasks done by `jobs` processes of this machine."""
-    return partial(_on_processes, jobs)
+def perform(job: Job) -> Any:
+    """Do a job, in whatever process this is."""
+    return job()
 
 
-def _on_processes(jobs: int, tasks: Sequence[Task]) -> Iterator[tuple[int, Floats]]:
+def processes(count: int) -> Workers:
+    """Jobs done by so many processes of this machine."""
+    return partial(_on_processes, count)
+
+
+def _on_processes(count: int, jobs: Sequence[Job]) -> Iterator[tuple[int, Any]]:
     context = multiprocessing.get_context("spawn")
-    with one_thread_each(), ProcessPoolExecutor(jobs, context, _begin, (os.getpid(),)) as pool:
-        running = {pool.submit(do_task, task): number for number, task in enumerate(tasks)}
+    with one_thread_each(), ProcessPoolExecutor(count, context, _begin, (os.getpid(),)) as pool:
+        running = {pool.submit(perform, job): number for number, job in enumerate(jobs)}
         try:
             for future in as_completed(running):
                 yield running.pop(future), future.result()

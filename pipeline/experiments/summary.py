@@ -7,7 +7,8 @@ either mean.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from pipeline.experiments.bound import Bound, bound
 from pipeline.experiments.declare import Approach, Cell, Experiment
 from pipeline.experiments.flights import cell_scene
 from pipeline.experiments.measure import place
+from pipeline.experiments.paths import FlownPath
 
 TWO_SIDED = 1.96
 """Standard errors of a 95 % interval."""
@@ -87,13 +89,15 @@ class Entry:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """An experiment flown: all runs (cells, runs, approaches, measures) and one entry per cell and approach."""
+    """An experiment flown: all runs (cells, runs, approaches, measures), one entry per cell and approach, and paths
+    by cell.
+    """
 
     experiment: Experiment
     seed: int
     runs: Floats
     entries: tuple[Entry, ...]
-    paths: tuple[object, ...] = field(default=())
+    paths: Mapping[int, FlownPath]
 
     def entry(self, cell: int, approach: int) -> Entry | None:
         """The entry; None where the approach is left out."""
@@ -109,17 +113,30 @@ def estimate(values: Floats) -> Estimate:
     return Estimate(mean=float(good.mean()), error=deviation / float(np.sqrt(len(good))), deviation=deviation)
 
 
-def summarise(experiment: Experiment, runs: Floats, seed: int) -> Outcome:
-    """All entries of an experiment's runs (cells, runs, approaches, measures)."""
-    entries = []
-    for c, cell in enumerate(experiment.cells):
-        bounds: dict[object, Bound] = {}
-        for a, approach in enumerate(experiment.approaches):
-            if approach.name not in cell.leave_out:
-                if approach.told not in bounds:
-                    bounds[approach.told] = cell_bound(cell, approach)
-                entries.append(_entry(experiment, c, a, runs[c], bounds[approach.told]))
-    return Outcome(experiment=experiment, seed=seed, runs=runs, entries=tuple(entries))
+def summarise(
+    experiment: Experiment, runs: Floats, seed: int, limits: Mapping[int, Mapping[int, Bound]],
+    paths: Mapping[int, FlownPath],
+) -> Outcome:  # fmt: skip
+    """All entries of an experiment's runs (cells, runs, approaches, measures) and bounds (by cell and approach)."""
+    entries = tuple(
+        _entry(experiment, c, a, runs[c], limits[c][a]) for c in range(len(experiment.cells)) for a in sorted(limits[c])
+    )
+    return Outcome(experiment=experiment, seed=seed, runs=runs, entries=entries, paths=paths)
+
+
+def cell_bounds(experiment: Experiment, cell: int) -> dict[int, Bound]:
+    """The bound of a cell for every approach that is not left out; approaches told the same share one."""
+    what = experiment.cells[cell]
+    shared: dict[object, Bound] = {}
+    out = {}
+    for number, approach in enumerate(experiment.approaches):
+        if approach.name in what.leave_out:
+            continue
+        key = (approach.told, approach.settings.refine_frame_rate)
+        if key not in shared:
+            shared[key] = cell_bound(what, approach)
+        out[number] = shared[key]
+    return out
 
 
 def cell_bound(cell: Cell, approach: Approach) -> Bound:

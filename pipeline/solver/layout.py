@@ -33,7 +33,8 @@ class Frames:
     position_m    (F, 3) as measured
     pose_rate     (F, 6) rotation vector (camera axes, of cam_from_enu) and velocity by which the measured pose changes
                   per second of log time; None: no camera's poses can be moved in time
-    pose_shift_s  (F,) log time at which the poses were taken, from where the problem took them
+    pose_shift_s  (F,) log time for which the poses hold, counted from where the problem took them
+    pose_taken_s  (F,) log time at which they were last read from the log
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
     place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
@@ -51,6 +52,7 @@ class Frames:
     position_m: Floats
     pose_rate: Floats | None
     pose_shift_s: Floats
+    pose_taken_s: Floats
     ray: Floats
     gain: Floats
     seen: Bools
@@ -123,6 +125,7 @@ def pack(problem: Problem) -> Frames:
         position_m=np.concatenate([c.poses.position_enu_m for c in problem.cameras]),
         pose_rate=None,
         pose_shift_s=np.zeros(sum(count)),
+        pose_taken_s=np.zeros(sum(count)),
         ray=ray,
         gain=gain,
         seen=np.isfinite(sigma),

@@ -5,8 +5,10 @@ time runs differently, it moves by
 
     shift = d start + s tau + deviation(tau)
 
-and with it the measured pose. Between two evaluations the pose's own rate of change carries it, which is also its
-derivative in the adjustment.
+and with it the measured pose. Small moves are carried by the pose's rate of change over a second, which is also its
+derivative in the adjustment; larger ones read the log anew. The rate is that of a second because an attitude's noise is
+new with every sample: the difference of two neighbouring ones would say more of the noise than of the flight, and every
+reading at another time would draw it again, under the feet of the descent.
 """
 
 from __future__ import annotations
@@ -24,9 +26,12 @@ from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.timing import SCALE, START, shift_from_given_s
 
-STEP_S = 0.01
+STEP_S = 0.5
+"""Half the time over which a rate of change is taken."""
 STILL_S = 1e-7
 """Shifts that change by less leave the poses as they are."""
+CARRIED_S = 0.1
+"""How far poses are carried before the log is read anew."""
 
 Renew = Callable[[Model, State], Model]
 
@@ -58,17 +63,23 @@ def moved(problem: Problem, frames: Frames, shift_s: Floats, cameras: tuple[int,
     """The frames with the poses of `cameras` at log times moved by `shift_s` (F,), and their rates of change."""
     rate = np.zeros((frames.count, 6)) if frames.pose_rate is None else frames.pose_rate.copy()
     turn, place, now = frames.cam_from_enu.copy(), frames.position_m.copy(), frames.pose_shift_s.copy()
+    taken = frames.pose_taken_s.copy()
     for c in cameras:
         part = frames.of(c)
-        still = np.abs(shift_s[part] - now[part]).max(initial=0.0) < STILL_S
-        if still and frames.pose_rate is not None and rate[part].any():
+        known = frames.pose_rate is not None and rate[part].any()
+        if known and np.abs(shift_s[part] - now[part]).max(initial=0.0) < STILL_S:
             continue
+        carried = known and np.abs(shift_s[part] - taken[part]).max(initial=0.0) < CARRIED_S
         try:
-            turn[part], place[part], rate[part] = _at(problem, c, shift_s[part])
+            if not carried:
+                turn[part], place[part], rate[part] = _at(problem, c, shift_s[part])
+                taken[part] = shift_s[part]
         except RunningFixError:  # beyond the log's ends: go on as fast as at the last place that could be had
+            carried = True
+        if carried:
             turn[part], place[part] = _carried(frames, part, shift_s[part] - now[part])
         now[part] = shift_s[part]
-    return replace(frames, cam_from_enu=turn, position_m=place, pose_rate=rate, pose_shift_s=now)
+    return replace(frames, cam_from_enu=turn, position_m=place, pose_rate=rate, pose_shift_s=now, pose_taken_s=taken)
 
 
 def _at(problem: Problem, c: int, shift_s: Floats) -> tuple[Floats, Floats, Floats]:

@@ -12,6 +12,7 @@ Six methods over one residual, one clock and one motion basis:
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -27,7 +28,7 @@ from pipeline.solver.covariance import Inverse
 from pipeline.solver.findings import find_degeneracies
 from pipeline.solver.intersection import intersect
 from pipeline.solver.layout import Frames, metric, pack
-from pipeline.solver.levenberg import Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.model import Model, State
 from pipeline.solver.moving_poses import renewing
 from pipeline.solver.results import Outcome, solution_of
@@ -35,6 +36,8 @@ from pipeline.solver.start import FIRST_ORDER, first_camera, first_choice, first
 from pipeline.solver.triangulation import triangulate
 
 LI_ROUNDS = 500
+EARLY = 1e-3
+"""Relative change of the cost that ends `algorithm-2`; see `start.pose_errors`."""
 Finish = Callable[[], Outcome]
 """What is left to do after the optimum is found: covariances."""
 
@@ -63,7 +66,7 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     frames = pack(problem)
     method = METHODS[settings.method]
     starts = candidates(problem, settings)
-    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=progress)
+    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
     _kernels.warm()
     began = time.perf_counter()
     found = method(asked)
@@ -72,6 +75,14 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders)
     return replace(solution, findings=(*solution.findings, *left_open))
+
+
+def _counted(progress: Progress | None) -> Progress | None:
+    """Iterations counted through all stages of a method, each of which counts its own."""
+    if progress is None:
+        return None
+    count = itertools.count(1)
+    return lambda _, cost: progress(next(count), cost)
 
 
 def _intersection(asked: Asked) -> Finish:
@@ -90,7 +101,8 @@ def _algorithm(asked: Asked) -> Finish:
     descent = Descent(
         max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=renewing(asked.problem)
     )
-    return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent))
+    small = EARLY if model.pose.free else SMALL
+    return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent, small=small))
 
 
 def _paper_start(asked: Asked, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> tuple[Model, State]:

@@ -1,0 +1,74 @@
+"""Compiled kernels against their plain numpy twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.solver import _kernels
+from pipeline.solver.assembly import assemble, assemble_plain, blocks_at
+from pipeline.solver.elimination import (
+    block_normals,
+    block_normals_plain,
+    frame_steps,
+    frame_steps_plain,
+)
+from pipeline.solver.layout import metric
+from tests.unit.solver.solver_scenes import changed, rich_model
+
+pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
+
+
+def alike(found, wanted):
+    np.testing.assert_allclose(found, wanted, atol=1e-11 * max(1e-300, np.abs(wanted).max(initial=0)))
+
+
+@pytest.mark.parametrize("pose_rate", [False, True])
+@pytest.mark.parametrize(("kinds", "loss"), [
+    (("polynomial",), "none"), (("polynomial", "polynomial"), "huber"), (("polynomial", "spline"), "cauchy"),
+    (("spline", "spline"), "none"),
+])  # fmt: skip
+def test_twins(kinds, loss, pose_rate):
+    model, state = rich_model(kinds, loss, pose_rate=pose_rate)
+    for frames in (model.frames, metric(model.frames)):
+        _both(changed(model, frames=frames), state)
+
+
+def test_twins_where_cameras_stand_still():
+    model, state = rich_model(("polynomial", "spline"))
+    spread = model.pose.spread.copy()
+    spread[0] = 0.0
+    spread[1, :3] = 0.0
+    held = np.where(spread[model.frames.camera] > 0, state.own, 0.0)
+    _both(changed(model, pose=changed(model.pose, spread=spread)), changed(state, own=held))
+
+
+def test_twins_without_prior_of_the_frames():
+    model, state = rich_model(("polynomial", "polynomial"))
+    prior = model.pose.prior.copy()
+    prior[:, :3] = 0.0
+    _both(changed(model, pose=changed(model.pose, prior=prior, damping=1e-3)), state)
+
+
+def _both(model, state):
+    blocks, at = blocks_at(model, state)
+    given = (model.frames, model.pose, model.loss, at, blocks)
+    fast, plain = block_normals(*given), block_normals_plain(*given)
+    alike(fast.normal, plain.normal)
+    alike(fast.gradient, plain.gradient)
+    assert fast.cost == pytest.approx(plain.cost, rel=1e-12)
+    assert fast.frame_gain == pytest.approx(plain.frame_gain, rel=1e-9, abs=1e-9)
+    step = np.random.default_rng(0).normal(size=fast.gradient.shape)
+    alike(frame_steps(*given, step), frame_steps_plain(*given, step))
+    quick, slow = assemble(model, blocks, plain), assemble_plain(model, blocks, plain)
+    for part in ("band", "border", "corner", "gradient"):
+        alike(getattr(quick, part), getattr(slow, part))
+
+
+def test_warming_up_loads_the_signatures_in_use():
+    """A solve after `warm` must find everything compiled, or its seconds would count the compiler's."""
+    _kernels.warm()
+    before = [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)]
+    model, state = rich_model(("polynomial", "spline"), pose_rate=False)
+    _both(model, state)
+    assert [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)] == before
