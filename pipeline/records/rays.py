@@ -22,8 +22,6 @@ class SightRays:
     place_sigma_px  (2,) one sigma per axis of where the tracked point sits on its target, as this camera sees it: a
                     constant part, and a part that drifts linearly from minus to plus its value while the camera looks.
                     Zero: the same physical point in every camera and at any time
-    alike           how many sightings of a target in a row share their error and so count as one observation: a
-                    tracker's error drifts slowly, a person's clicks are independent (1)
 
     A point y in camera axes (metres, ahead of the camera) has, to first order and exactly at zero, the reprojection
     error pixel_from_ray @ y / (d . y) pixels; divided by sigma_px it is the residual of every statistical method.
@@ -37,7 +35,6 @@ class SightRays:
     direction_cam: Floats
     pixel_from_ray: Floats
     sigma_px: Floats
-    alike: float = 1.0
     place_sigma_px: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:

@@ -118,5 +118,7 @@ def _local_from_camera(
 
 def _share_per_second(frames: Frames) -> Floats:
     """(C,) by how much a camera's `place_share` grows per second of video time."""
-    ends = [(frames.video_s[frames.of(c)].min(), frames.video_s[frames.of(c)].max()) for c in range(len(frames.cameras))]
+    ends = [
+        (frames.video_s[frames.of(c)].min(), frames.video_s[frames.of(c)].max()) for c in range(len(frames.cameras))
+    ]
     return np.array([2 / max(high - low, 1e-9) for low, high in ends])

@@ -90,7 +90,7 @@ class At:
     @property
     def placed(self) -> bool:
         """Whether there are place errors."""
-        return self.camera.shape[1] > CAMERA_PARAMETERS
+        return bool(self.camera.shape[1] > CAMERA_PARAMETERS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

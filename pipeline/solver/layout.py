@@ -38,7 +38,6 @@ class Frames:
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
     place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
-    alike         (C,) sightings that count as one observation: their gain is divided by its root
     angular       true: divided by the depth
     """
 
@@ -57,7 +56,6 @@ class Frames:
     gain: Floats
     seen: Bools
     sigma_px: Floats
-    alike: Floats
     place_gain: Floats
     place_share: Floats
     angular: bool
@@ -91,7 +89,7 @@ def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, F
     gain = np.zeros((n_frames, n_targets, 2, 3))
     sigma = np.full((n_frames, n_targets), np.nan)
     ray[place, column] = rays.direction_cam
-    gain[place, column] = rays.pixel_from_ray / (rays.sigma_px * np.sqrt(rays.alike))[:, None, None]
+    gain[place, column] = rays.pixel_from_ray / rays.sigma_px[:, None, None]
     sigma[place, column] = rays.sigma_px
     video = np.full(n_frames, np.nan)
     video[place] = rays.time_s
@@ -108,10 +106,8 @@ def pack(problem: Problem) -> Frames:
     """The observations of `problem`, with the reprojection error in sigmas as residual."""
     index = {t.target: i for i, t in enumerate(problem.targets)}
     parts = [_camera_arrays(c, index) for c in problem.cameras]
-    alike = np.array([c.rays.alike for c in problem.cameras])
     ray, gain, sigma, video = (np.concatenate([p[i] for p in parts]) for i in range(4))
     count = [len(c.poses.frame) for c in problem.cameras]
-    root = np.repeat(np.sqrt(alike), count)
     return Frames(
         cameras=tuple(c.camera for c in problem.cameras),
         targets=tuple(index),
@@ -130,8 +126,7 @@ def pack(problem: Problem) -> Frames:
         gain=gain,
         seen=np.isfinite(sigma),
         sigma_px=sigma,
-        alike=alike,
-        place_gain=np.where(np.isfinite(sigma), 1 / (sigma * root[:, None]), 0.0),
+        place_gain=np.where(np.isfinite(sigma), 1 / sigma, 0.0),
         place_share=np.concatenate([_share(p[3]) for p in parts]),
         angular=True,
     )

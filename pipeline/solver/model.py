@@ -18,7 +18,7 @@ DRIFT_CENTRED_S = 1e-4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """One point: `coefficients` (P, 3), `camera` (C, 10 or more: timing.py), `deviation` (D,), frames' own pose errors `own` (F, 6)."""
+    """One point: `coefficients` (P, 3), `camera` (C, W), `deviation` (D,), frames' pose errors `own` (F, 6)."""
 
     coefficients: Floats
     camera: Floats

@@ -52,7 +52,7 @@ class Linearised:
 
 
 def place_shift(frames: Frames, part: slice, camera: Floats) -> Floats:
-    """(n, N, 2) what the place errors among the cameras' parameters (C, W) add to the residuals of the frames `part`."""
+    """(n, N, 2) what the place errors among the cameras' parameters (C, W) add to the residuals of `part`."""
     place = camera[frames.camera[part], CAMERA_PARAMETERS:].reshape(len(frames.camera[part]), -1, 2, 2)
     pixels = place[..., 0] + frames.place_share[part, None, None] * place[..., 1]
     return np.asarray(pixels * frames.place_gain[part, :, None])

@@ -160,8 +160,8 @@ def _bias(problem: Problem, model: Model, state: State, covariance: Covariance |
     )
 
 
-def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, float]:
-    """The table of sightings, the sum of squared residuals in sigmas, and how many observations they count as."""
+def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, int]:
+    """The table of sightings, the sum of squared residuals in sigmas, and how many sightings there are."""
     model, state, frames = found.model, found.state, found.observed
     position = model.basis.position(time, state.coefficients)
     error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
@@ -176,18 +176,17 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, float]:
     sigmas = np.linalg.norm(residual[f, n], axis=-1)
     pixel = frames.sigma_px
     camera = frames.camera[f]
-    root = np.sqrt(frames.alike)[camera]
     table = Sightings(
         camera=tuple(np.array(frames.cameras, dtype=object)[camera]),
         target=tuple(np.array(frames.targets, dtype=object)[n]),
         frame=frames.frame[f],
         time_s=time[f],
-        residual_px=-residual[f, n] * (pixel[f, n] * root)[:, None],
-        residual_sigma=sigmas * root,
+        residual_px=-residual[f, n] * pixel[f, n][:, None],
+        residual_sigma=sigmas,
         weight=model.loss.weight(sigmas**2),
         position_enu_m=position[f, n],
     )
-    return table, float((sigmas**2).sum()), float((1 / frames.alike[camera]).sum())
+    return table, float((sigmas**2).sum()), len(f)
 
 
 def _prior_square(model: Model, state: State) -> float:
@@ -197,11 +196,11 @@ def _prior_square(model: Model, state: State) -> float:
     return float(off.sum() + own.sum())
 
 
-def _degrees_of_freedom(model: Model, observations: float) -> int:
+def _degrees_of_freedom(model: Model, observations: int) -> int:
     """Observations and priors less unknowns; a frame's own error with a prior adds one of each."""
     own = model.pose.spread[model.frames.camera] * (1 - model.pose.prior[model.frames.camera])
     priors = int(((model.priors.camera_precision > 0) & model.priors.camera_free).sum())
-    return round(2 * observations) + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
+    return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
 
 
 def _shared(

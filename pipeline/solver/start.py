@@ -84,7 +84,7 @@ def parameters(problem: Problem) -> int:
 
 
 def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, Floats, Bools]:
-    """Mean, precision and freedom (C, 10) of the cameras' constant parameters for the method in force."""
+    """Mean, precision and freedom (C, W) of the cameras' constant parameters for the method in force."""
     shape = (len(problem.cameras), parameters(problem))
     mean, sigma, free = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape, dtype=bool)
     statistical = settings.method == "map"
@@ -111,7 +111,7 @@ def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, F
 
 
 def first_camera(problem: Problem, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> Floats:
-    """(C, 10) first values: clocks as given here, everything else zero."""
+    """(C, W) first values: clocks as given here, everything else zero."""
     out = np.zeros((len(problem.cameras), parameters(problem)))
     for c, camera in enumerate(problem.cameras):
         if camera.camera != problem.reference_camera:
@@ -147,7 +147,7 @@ def basis_at(frames: Frames, choice: MotionChoice, time_s: Floats) -> MotionBasi
 def first_model(
     problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, camera: Floats
 ) -> tuple[Model, State]:
-    """A model of the method in force, and the point with these cameras (C, 10) and no motion yet."""
+    """A model of the method in force, and the point with these cameras (C, W) and no motion yet."""
     drift = without_drift(frames)
     mean, precision, free = camera_priors(problem, settings)
     time = common_time_s(frames, drift, camera, np.empty(0))
@@ -157,17 +157,12 @@ def first_model(
         jerk=np.full((len(frames.targets), len(basis.grid_s) - 1), FIRST_JERK),
         drift_rate=np.zeros(len(frames.cameras)),
     )  # fmt: skip
-    loss = bent(BEND[settings.robust], frames) if settings.method == "map" else Loss()
+    loss = BEND[settings.robust] if settings.method == "map" else Loss()
     model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors)
     state = State(
         coefficients=np.zeros((basis.count, 3)), camera=camera, deviation=np.empty(0), own=np.zeros((frames.count, 6))
     )
     return model, state
-
-
-def bent(loss: Loss, frames: Frames) -> Loss:
-    """The loss bending at as many sigmas of one sighting, where sightings that are alike weigh less."""
-    return replace(loss, bend=loss.bend / float(np.sqrt(frames.alike.max())))
 
 
 def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:
