@@ -19,8 +19,9 @@ class SightRays:
     direction_cam   (m, 3) unit vectors in camera axes (paper eq. 4 before R)
     pixel_from_ray  (m, 2, 3) Jacobian of the pixel with respect to the direction, px / rad; pixel_from_ray @ d = 0
     sigma_px        (m,) of the pixel, per axis
-    alike           how many sightings of a target in a row share their error and so count as one observation: a
-                    tracker's error drifts slowly, a person's clicks are independent (1)
+    place_sigma_px  (2,) one sigma per axis of where the tracked point sits on its target, as this camera sees it: a
+                    constant part, and a part that drifts linearly from minus to plus its value while the camera looks.
+                    Zero: the same physical point in every camera and at any time
 
     A point y in camera axes (metres, ahead of the camera) has, to first order and exactly at zero, the reprojection
     error pixel_from_ray @ y / (d . y) pixels; divided by sigma_px it is the residual of every statistical method.
@@ -34,7 +35,7 @@ class SightRays:
     direction_cam: Floats
     pixel_from_ray: Floats
     sigma_px: Floats
-    alike: float = 1.0
+    place_sigma_px: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         m = len(self.frame)

@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.solver import _kernels
-from pipeline.solver.blocks import BLOCK_PARAMETERS, LOCAL_COLUMNS, Blocks, partition
+from pipeline.solver.blocks import LOCAL_COLUMNS, Blocks, partition
 from pipeline.solver.bordered import Bordered
 from pipeline.solver.elimination import At, BlockNormals, block_normals, frame_steps
 from pipeline.solver.model import Model, State, drift_penalty, jerk_penalty
@@ -46,6 +46,7 @@ def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[
         bias=np.ascontiguousarray(state.camera[:, :6]),
         focal=np.ascontiguousarray(state.camera[:, FOCAL]),
         own=state.own,
+        camera=state.camera,
     )
     return blocks, at
 
@@ -78,8 +79,9 @@ def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floa
     """(b, L, G): the chain rule from the unknowns of `global_places` to the local ones."""
     basis, span = model.basis, blocks.span[low:high]
     powers = basis.degree + 1
-    width = 3 * sum(t.degree + 1 for t in basis.targets) + BLOCK_PARAMETERS
-    out = np.zeros((high - low, 3 * powers * len(basis.targets) + LOCAL_COLUMNS, width))
+    _, columns, parameters = blocks.local_from_camera.shape
+    width = 3 * sum(t.degree + 1 for t in basis.targets) + parameters
+    out = np.zeros((high - low, 3 * powers * len(basis.targets) + columns, width))
     row = column = 0
     for t in basis.targets:
         for _ in range(3):
@@ -91,7 +93,7 @@ def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floa
 
 def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
     """All blocks' normal equations in the order of the unknowns, without priors; compiled where numba is installed."""
-    if not _kernels.AVAILABLE:
+    if not _kernels.AVAILABLE or blocks.local_from_camera.shape[1] > LOCAL_COLUMNS:
         return assemble_plain(model, blocks, normals)
     order, basis = model.order, model.basis
     band, border, corner, gradient = _kernels.assemble(

@@ -3,7 +3,8 @@
 Inside a block everything global acts through few local unknowns: the power series of the targets, and eleven columns
 of the camera, [rotation bias 3, position bias 3, focal, time at u = 0, time per u, pose time at u = 0, per u]. Time
 moves the targets; pose time moves the camera along its log. `local_from_camera` maps the camera's parameters
-[rotation 3, position 3, focal, offset, scale, start, left and right deviation knot] to these columns.
+[rotation 3, position 3, focal, offset, scale, start, place errors, left and right deviation knot] to these columns.
+Place errors (constant and drifting) have a pair of columns each for every target and axis, at u = 0 and per u.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from calibration.arrays import Floats, Ints
 from pipeline.solver.layout import Frames
 from pipeline.solver.motion_basis import MotionBasis
-from pipeline.solver.timing import FOCAL, OFFSET, SCALE, START, Drift
+from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, SCALE, START, Drift
 
 LONGEST = 2048
 """Frames: what a block may hold at most, so that the memory of a pass is bounded."""
@@ -31,7 +32,7 @@ class Blocks:
     begin    (B + 1,) first frame of each; camera, span, segment, cluster (B,)
     u        (F,) time of each frame inside its span, -1 to 1
     half_s   (B,) half the span's length
-    local_from_camera  (B, 11, 12)
+    local_from_camera  (B, 11 + P, 12 + P), P place parameters
     """
 
     begin: Ints
@@ -94,7 +95,8 @@ def _local_from_camera(
         rate[drifting] += (deviation[left[drifting] + 1] - deviation[left[drifting]]) / width[drifting]
     slope = half_s / rate
     middle = frames.video_s[at] - u[at] * slope
-    out = np.zeros((len(at), LOCAL_COLUMNS, BLOCK_PARAMETERS))
+    places = camera.shape[1] - CAMERA_PARAMETERS
+    out = np.zeros((len(at), LOCAL_COLUMNS + places, BLOCK_PARAMETERS + places))
     out[:, range(FOCAL + 1), range(FOCAL + 1)] = 1.0
     out[:, 7, OFFSET] = 1.0
     out[:, 9, START] = 1.0
@@ -102,7 +104,21 @@ def _local_from_camera(
         out[:, zero, SCALE], out[:, linear, SCALE] = middle, slope
         if drifting.any():
             share = (middle[drifting] - drift.knot_s[left[drifting]]) / width[drifting]
-            out[drifting, zero, 10], out[drifting, zero, 11] = 1 - share, share
+            out[drifting, zero, -2], out[drifting, zero, -1] = 1 - share, share
             per_u = slope[drifting] / width[drifting]
-            out[drifting, linear, 10], out[drifting, linear, 11] = -per_u, per_u
+            out[drifting, linear, -2], out[drifting, linear, -1] = -per_u, per_u
+    if places:
+        share_slope = slope * _share_per_second(frames)[frames.camera[at]]
+        share_middle = frames.place_share[at] - u[at] * share_slope
+        for i in range(0, places, 2):
+            row, column = LOCAL_COLUMNS + i, CAMERA_PARAMETERS + i
+            out[:, row, column], out[:, row, column + 1], out[:, row + 1, column + 1] = 1.0, share_middle, share_slope
     return out
+
+
+def _share_per_second(frames: Frames) -> Floats:
+    """(C,) by how much a camera's `place_share` grows per second of video time."""
+    ends = [
+        (frames.video_s[frames.of(c)].min(), frames.video_s[frames.of(c)].max()) for c in range(len(frames.cameras))
+    ]
+    return np.array([2 / max(high - low, 1e-9) for low, high in ends])

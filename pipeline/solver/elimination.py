@@ -22,9 +22,10 @@ import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.solver import _kernels
-from pipeline.solver.blocks import LOCAL_COLUMNS, Blocks
+from pipeline.solver.blocks import Blocks
 from pipeline.solver.layout import Frames
-from pipeline.solver.residuals import Linearised, linearise
+from pipeline.solver.residuals import Linearised, linearise, place_shift
+from pipeline.solver.timing import CAMERA_PARAMETERS
 
 CHUNK_FRAMES = 2048
 NONE, HUBER, CAUCHY = 0, 1, 2
@@ -75,12 +76,21 @@ class Loss:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class At:
-    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (C, 6), `focal` (C,), `own` (F, 6)."""
+    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (C, 6), `focal` (C,), `own` (F, 6).
+
+    camera (C, W): the cameras' parameters, of which the place errors are taken
+    """
 
     series: Floats
     bias: Floats
     focal: Floats
     own: Floats
+    camera: Floats
+
+    @property
+    def placed(self) -> bool:
+        """Whether there are place errors."""
+        return bool(self.camera.shape[1] > CAMERA_PARAMETERS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,10 +121,10 @@ def _frame_index(blocks: Blocks, low: int, high: int) -> Ints:
     return np.repeat(np.arange(low, high), np.diff(blocks.begin[low : high + 1]))
 
 
-def _columns(found: Linearised, velocity: Floats) -> Floats:
-    """J (n, 2 N, 3 N + 9): derivative by targets' positions, bias, focal, time and pose time."""
+def _columns(found: Linearised, velocity: Floats, place_gain: Floats | None) -> Floats:
+    """J (n, 2 N, 3 N + 9 [+ 2 N]): derivative by targets' positions, bias, focal, time, pose time [and places]."""
     n, targets = found.residual.shape[:2]
-    out = np.zeros((n, targets, 2, 3 * targets + 9))
+    out = np.zeros((n, targets, 2, 3 * targets + 9 + (0 if place_gain is None else 2 * targets)))
     for t in range(targets):
         out[:, t, :, 3 * t : 3 * t + 3] = found.by_position[:, t]
     rest = 3 * targets
@@ -122,6 +132,10 @@ def _columns(found: Linearised, velocity: Floats) -> Floats:
     out[..., rest + 6] = found.by_focal
     out[..., rest + 7] = (found.by_position @ velocity[..., None])[..., 0]
     out[..., rest + 8] = found.by_pose_time
+    if place_gain is not None:
+        for t in range(targets):
+            for axis in range(2):
+                out[:, t, axis, rest + 9 + 2 * t + axis] = place_gain[:, t]
     return out.reshape(n, 2 * targets, -1)
 
 
@@ -132,12 +146,15 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
     position, velocity = _target_motion(at.series[block], blocks.u[part], blocks.half_s[block])
     error = at.bias[camera] + pose.spread[camera] * at.own[part]
     found = linearise(frames, part, position, error, at.focal[camera])
-    square = (found.residual**2).sum(-1)
+    residual = found.residual
+    if at.placed and frames.angular:
+        residual = residual + place_shift(frames, part, at.camera)
+    square = (residual**2).sum(-1)
     root = np.repeat(np.sqrt(loss.weight(square)), 2, axis=1)
-    J = _columns(found, velocity) * root[..., None]
+    J = _columns(found, velocity, frames.place_gain[part] if at.placed else None) * root[..., None]
     n_targets = len(frames.targets)
     A = J[..., 3 * n_targets : 3 * n_targets + 6] * pose.spread[camera][:, None]
-    r = found.residual.reshape(len(camera), -1) * root
+    r = residual.reshape(len(camera), -1) * root
     At_ = np.swapaxes(A, 1, 2)
     H = At_ @ A
     diagonal = np.einsum("nii->ni", H)
@@ -151,9 +168,9 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
 def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
     """See the head of this file; numpy only."""
     n_blocks, n_targets, degree = len(blocks.camera), len(frames.targets), at.series.shape[-1] - 1
-    size = 3 * n_targets * (degree + 1) + LOCAL_COLUMNS
+    size = 3 * n_targets * (degree + 1) + blocks.local_from_camera.shape[1]
     normal, gradient = np.zeros((n_blocks, size, size)), np.zeros((n_blocks, size))
-    powers, place = _local_powers(n_targets, degree)
+    powers, place = _local_powers(n_targets, degree, at.placed)
     cost = gain = 0.0
     for low, high in _chunks(blocks):
         part, J, r, H, E, h, own_cost = _weighted(frames, pose, loss, at, blocks, low, high)
@@ -175,11 +192,14 @@ def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blo
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain)
 
 
-def _local_powers(n_targets: int, degree: int) -> tuple[Ints, Ints]:
+def _local_powers(n_targets: int, degree: int, placed: bool = False) -> tuple[Ints, Ints]:
     """Of every local unknown: its power of u, and its place in z."""
     columns = 3 * n_targets
     powers = np.concatenate([np.tile(np.arange(degree + 1), columns), [0] * 7, [0, 1, 0, 1]])
     place = np.concatenate([np.repeat(np.arange(columns), degree + 1), columns + np.array([*range(7), 7, 7, 8, 8])])
+    if placed:
+        powers = np.concatenate([powers, np.tile([0, 1], 2 * n_targets)])
+        place = np.concatenate([place, columns + 9 + np.repeat(np.arange(2 * n_targets), 2)])
     return powers, place
 
 
@@ -198,11 +218,11 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
     """du (F, 6) that belongs to the local step (B, L); numpy only."""
     out = np.zeros((frames.count, 6))
     n_targets, degree = len(frames.targets), at.series.shape[-1] - 1
-    powers, place = _local_powers(n_targets, degree)
+    powers, place = _local_powers(n_targets, degree, at.placed)
     for low, high in _chunks(blocks):
         part, _, _, H, E, h, _ = _weighted(frames, pose, loss, at, blocks, low, high)
         scaled = step[_frame_index(blocks, low, high)] * blocks.u[part][:, None] ** powers
-        dz = np.zeros((len(scaled), 3 * n_targets + 9))
+        dz = np.zeros((len(scaled), int(place.max()) + 1))
         for i, z in enumerate(place):
             dz[:, z] += scaled[:, i]
         right = h + (E @ dz[..., None])[..., 0]
@@ -211,8 +231,8 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
 
 
 def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
-    """See the head of this file; compiled where numba is installed."""
-    if not _kernels.AVAILABLE:
+    """See the head of this file; compiled where numba is installed and the kernel knows the columns."""
+    if not _kernels.AVAILABLE or at.placed:
         return block_normals_plain(frames, pose, loss, at, blocks)
     compiled: Callable[..., Any] = _kernels.block_normals
     normal, gradient, cost, gain = compiled(*_kernel_arguments(frames, pose, loss, at, blocks))
@@ -223,7 +243,7 @@ def frame_steps(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blo
     """du (F, 6) that belongs to the local step (B, L)."""
     if not pose.free:
         return np.zeros((frames.count, 6))
-    if not _kernels.AVAILABLE:
+    if not _kernels.AVAILABLE or at.placed:
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
     compiled: Callable[..., Floats] = _kernels.frame_steps
     return compiled(*_kernel_arguments(frames, pose, loss, at, blocks), step)

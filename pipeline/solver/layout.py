@@ -37,7 +37,7 @@ class Frames:
     pose_taken_s  (F,) log time at which they were last read from the log
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
-    alike         (C,) sightings that count as one observation: their gain is divided by its root
+    place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
     angular       true: divided by the depth
     """
 
@@ -56,7 +56,8 @@ class Frames:
     gain: Floats
     seen: Bools
     sigma_px: Floats
-    alike: Floats
+    place_gain: Floats
+    place_share: Floats
     angular: bool
 
     @property
@@ -88,11 +89,17 @@ def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, F
     gain = np.zeros((n_frames, n_targets, 2, 3))
     sigma = np.full((n_frames, n_targets), np.nan)
     ray[place, column] = rays.direction_cam
-    gain[place, column] = rays.pixel_from_ray / (rays.sigma_px * np.sqrt(rays.alike))[:, None, None]
+    gain[place, column] = rays.pixel_from_ray / rays.sigma_px[:, None, None]
     sigma[place, column] = rays.sigma_px
     video = np.full(n_frames, np.nan)
     video[place] = rays.time_s
     return ray, gain, sigma, video
+
+
+def _share(video_s: Floats) -> Floats:
+    """Video times scaled to -1 at the first and 1 at the last."""
+    low, high = video_s.min(), video_s.max()
+    return np.asarray((2 * video_s - low - high) / max(high - low, 1e-9))
 
 
 def pack(problem: Problem) -> Frames:
@@ -119,7 +126,8 @@ def pack(problem: Problem) -> Frames:
         gain=gain,
         seen=np.isfinite(sigma),
         sigma_px=sigma,
-        alike=np.array([c.rays.alike for c in problem.cameras]),
+        place_gain=np.where(np.isfinite(sigma), 1 / sigma, 0.0),
+        place_share=np.concatenate([_share(p[3]) for p in parts]),
         angular=True,
     )
 

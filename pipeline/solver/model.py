@@ -10,7 +10,7 @@ from calibration.arrays import Bools, Floats, Ints
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames
 from pipeline.solver.motion_basis import MotionBasis, jerk_rows
-from pipeline.solver.timing import CAMERA_PARAMETERS, Drift
+from pipeline.solver.timing import Drift
 
 DRIFT_CENTRED_S = 1e-4
 """How exactly a deviation is held to have neither offset nor rate of its own: those are the affine clock's."""
@@ -18,7 +18,7 @@ DRIFT_CENTRED_S = 1e-4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """One point: `coefficients` (P, 3), `camera` (C, 10), `deviation` (D,), frames' own pose errors `own` (F, 6)."""
+    """One point: `coefficients` (P, 3), `camera` (C, W), `deviation` (D,), frames' pose errors `own` (F, 6)."""
 
     coefficients: Floats
     camera: Floats
@@ -30,8 +30,8 @@ class State:
 class Priors:
     """What is known beforehand.
 
-    camera_mean, camera_precision (C, 10)  precision zero: nothing is known
-    camera_free (C, 10)  false: held
+    camera_mean, camera_precision (C, W)  precision zero: nothing is known
+    camera_free (C, W)  false: held
     jerk  (N, S) of splines in every span, m / s^2.5 (root of the power of white jerk); infinite: no prior
     drift_rate  (C,) of drifting clocks: how far the deviation walks, s / sqrt(s)
     """
@@ -112,7 +112,7 @@ def order_unknowns(model: Model) -> Order:
                 places = n_band + n_border + np.arange(3 * t.count).reshape(3, t.count).T
                 coefficient[t.first : t.first + t.count] = places
                 n_border += 3 * t.count
-    camera = np.full((len(priors.camera_free), CAMERA_PARAMETERS), -1, dtype=np.int64)
+    camera = np.full(priors.camera_free.shape, -1, dtype=np.int64)
     free = int(priors.camera_free.sum())
     camera[priors.camera_free] = n_band + n_border + np.arange(free)
     n_border += free

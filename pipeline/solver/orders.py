@@ -51,7 +51,7 @@ def choose_orders(
 def penalty(model: Model, target: int) -> float:
     """What three more unknowns must take off twice the cost."""
     frames = model.frames
-    sightings = float((frames.seen[:, target] / frames.alike[frames.camera]).sum())
+    sightings = float(frames.seen[:, target].sum())
     return 3 * float(np.log(max(2 * sightings, 2.0)))
 
 

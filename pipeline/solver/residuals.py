@@ -20,6 +20,7 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.solver.layout import NEAREST_COSINE, Frames
+from pipeline.solver.timing import CAMERA_PARAMETERS
 
 
 def left_jacobian(w: Floats) -> Floats:
@@ -48,6 +49,13 @@ class Linearised:
     by_focal: Floats
     by_pose_time: Floats
     ahead: Floats
+
+
+def place_shift(frames: Frames, part: slice, camera: Floats) -> Floats:
+    """(n, N, 2) what the place errors among the cameras' parameters (C, W) add to the residuals of `part`."""
+    place = camera[frames.camera[part], CAMERA_PARAMETERS:].reshape(len(frames.camera[part]), -1, 2, 2)
+    pixels = place[..., 0] + frames.place_share[part, None, None] * place[..., 1]
+    return np.asarray(pixels * frames.place_gain[part, :, None])
 
 
 def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats, focal: Floats) -> Linearised:

@@ -25,13 +25,15 @@ from pipeline.solver.covariance import Covariance, motion_band
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.motion_basis import motion_of
-from pipeline.solver.residuals import linearise
-from pipeline.solver.timing import FOCAL, OFFSET, POS, ROT, SCALE, common_time_s
+from pipeline.solver.residuals import linearise, place_shift
+from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, common_time_s
 
 NAMES = (
     "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
     "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s",
 )  # fmt: skip
+
+PLACE_NAMES = ("place_x_px", "place_x_drift_px", "place_y_px", "place_y_drift_px")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,8 +160,8 @@ def _bias(problem: Problem, model: Model, state: State, covariance: Covariance |
     )
 
 
-def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, float]:
-    """The table of sightings, the sum of squared residuals in sigmas, and how many observations they count as."""
+def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, int]:
+    """The table of sightings, the sum of squared residuals in sigmas, and how many sightings there are."""
     model, state, frames = found.model, found.state, found.observed
     position = model.basis.position(time, state.coefficients)
     error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
@@ -168,22 +170,23 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, float]:
         part = frames.of(c)
         focal = state.camera[frames.camera[part], FOCAL]
         residual[part] = linearise(frames, part, position[part], error[part], focal).residual
+        if state.camera.shape[1] > CAMERA_PARAMETERS:
+            residual[part] += place_shift(frames, part, state.camera)
     f, n = np.nonzero(frames.seen)
     sigmas = np.linalg.norm(residual[f, n], axis=-1)
     pixel = frames.sigma_px
     camera = frames.camera[f]
-    root = np.sqrt(frames.alike)[camera]
     table = Sightings(
         camera=tuple(np.array(frames.cameras, dtype=object)[camera]),
         target=tuple(np.array(frames.targets, dtype=object)[n]),
         frame=frames.frame[f],
         time_s=time[f],
-        residual_px=-residual[f, n] * (pixel[f, n] * root)[:, None],
-        residual_sigma=sigmas * root,
+        residual_px=-residual[f, n] * pixel[f, n][:, None],
+        residual_sigma=sigmas,
         weight=model.loss.weight(sigmas**2),
         position_enu_m=position[f, n],
     )
-    return table, float((sigmas**2).sum()), float((1 / frames.alike[camera]).sum())
+    return table, float((sigmas**2).sum()), len(f)
 
 
 def _prior_square(model: Model, state: State) -> float:
@@ -193,11 +196,11 @@ def _prior_square(model: Model, state: State) -> float:
     return float(off.sum() + own.sum())
 
 
-def _degrees_of_freedom(model: Model, observations: float) -> int:
+def _degrees_of_freedom(model: Model, observations: int) -> int:
     """Observations and priors less unknowns; a frame's own error with a prior adds one of each."""
     own = model.pose.spread[model.frames.camera] * (1 - model.pose.prior[model.frames.camera])
     priors = int(((model.priors.camera_precision > 0) & model.priors.camera_free).sum())
-    return round(2 * observations) + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
+    return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
 
 
 def _shared(
@@ -205,12 +208,13 @@ def _shared(
 ) -> tuple[tuple[str, ...], Floats | None]:
     """Names of the cameras' free parameters and their covariance, frame rates in Hz and focal lengths as scales."""
     names, places, unit = [], [], []
+    order_names = (*NAMES, *(f"{t}.{word}" for t in model.frames.targets for word in PLACE_NAMES))
     for c, camera in enumerate(problem.cameras):
-        units = np.ones(len(NAMES))
+        units = np.ones(len(order_names))
         units[SCALE] = -camera.frame_rate / (1 + state.camera[c, SCALE]) ** 2
         units[FOCAL] = np.exp(state.camera[c, FOCAL])
         for k in np.flatnonzero(model.order.camera[c] >= 0):
-            names.append(f"{camera.camera}.{NAMES[k]}")
+            names.append(f"{camera.camera}.{order_names[k]}")
             places.append(model.order.camera[c, k])
             unit.append(units[k])
     if covariance is None or not places:

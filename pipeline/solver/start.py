@@ -19,6 +19,7 @@ from pipeline.solver.timing import (
     CAMERA_PARAMETERS,
     FOCAL,
     OFFSET,
+    PLACE_PARAMETERS,
     POS,
     ROT,
     SCALE,
@@ -76,9 +77,15 @@ def pose_errors(problem: Problem, method: str) -> PoseError:
     return PoseError(spread=spread, prior=prior, damping=1.0 if method == "algorithm-2" else 0.0)
 
 
+def parameters(problem: Problem) -> int:
+    """How many parameters a camera has: more where tracked points may sit elsewhere on their targets."""
+    placed = any(sigma > 0 for c in problem.cameras for sigma in c.rays.place_sigma_px)
+    return CAMERA_PARAMETERS + (PLACE_PARAMETERS * len(problem.targets) if placed else 0)
+
+
 def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, Floats, Bools]:
-    """Mean, precision and freedom (C, 10) of the cameras' constant parameters for the method in force."""
-    shape = (len(problem.cameras), CAMERA_PARAMETERS)
+    """Mean, precision and freedom (C, W) of the cameras' constant parameters for the method in force."""
+    shape = (len(problem.cameras), parameters(problem))
     mean, sigma, free = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape, dtype=bool)
     statistical = settings.method == "map"
     timed = settings.method in ("li", "algorithm-1", "algorithm-2", "map")
@@ -90,6 +97,8 @@ def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, F
             sigma[c, START] = known.start_s if camera.poses_at is not None else 0.0
             free[c, :7] = sigma[c, :7] > 0
             free[c, START] = sigma[c, START] > 0
+            sigma[c, CAMERA_PARAMETERS:] = np.tile(camera.rays.place_sigma_px, (shape[1] - CAMERA_PARAMETERS) // 2)
+            free[c, CAMERA_PARAMETERS:] = sigma[c, CAMERA_PARAMETERS:] > 0
         if timed and camera.camera != problem.reference_camera:
             free[c, OFFSET] = known.offset_s is None or known.offset_s > 0
             free[c, SCALE] = settings.refine_frame_rate and known.frame_rate > 0 and settings.method != "li"
@@ -102,8 +111,8 @@ def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, F
 
 
 def first_camera(problem: Problem, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> Floats:
-    """(C, 10) first values: clocks as given here, everything else zero."""
-    out = np.zeros((len(problem.cameras), CAMERA_PARAMETERS))
+    """(C, W) first values: clocks as given here, everything else zero."""
+    out = np.zeros((len(problem.cameras), parameters(problem)))
     for c, camera in enumerate(problem.cameras):
         if camera.camera != problem.reference_camera:
             out[c, OFFSET] = offset_s.get(camera.camera, 0.0)
@@ -138,7 +147,7 @@ def basis_at(frames: Frames, choice: MotionChoice, time_s: Floats) -> MotionBasi
 def first_model(
     problem: Problem, settings: SolverSettings, frames: Frames, choice: MotionChoice, camera: Floats
 ) -> tuple[Model, State]:
-    """A model of the method in force, and the point with these cameras (C, 10) and no motion yet."""
+    """A model of the method in force, and the point with these cameras (C, W) and no motion yet."""
     drift = without_drift(frames)
     mean, precision, free = camera_priors(problem, settings)
     time = common_time_s(frames, drift, camera, np.empty(0))
@@ -148,17 +157,12 @@ def first_model(
         jerk=np.full((len(frames.targets), len(basis.grid_s) - 1), FIRST_JERK),
         drift_rate=np.zeros(len(frames.cameras)),
     )  # fmt: skip
-    loss = bent(BEND[settings.robust], frames) if settings.method == "map" else Loss()
+    loss = BEND[settings.robust] if settings.method == "map" else Loss()
     model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors)
     state = State(
         coefficients=np.zeros((basis.count, 3)), camera=camera, deviation=np.empty(0), own=np.zeros((frames.count, 6))
     )
     return model, state
-
-
-def bent(loss: Loss, frames: Frames) -> Loss:
-    """The loss bending at as many sigmas of one sighting, where sightings that are alike weigh less."""
-    return replace(loss, bend=loss.bend / float(np.sqrt(frames.alike.max())))
 
 
 def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:

@@ -15,7 +15,12 @@ from pipeline.solver.layout import Frames
 
 ROT, POS, FOCAL, OFFSET, SCALE, START = slice(0, 3), slice(3, 6), 6, 7, 8, 9
 CAMERA_PARAMETERS = 10
-"""Columns of a camera's constant parameters: rotation bias, position bias, log focal scale, offset, scale, start."""
+"""Columns of a camera's constant parameters: rotation bias, position bias, log focal scale, offset, scale, start.
+
+Where tracked points may sit elsewhere on their targets than the other cameras see them (`SightRays.place_sigma_px`),
+four more for each target: x constant, x drifting, y constant, y drifting, in pixels.
+"""
+PLACE_PARAMETERS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
