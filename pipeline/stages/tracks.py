@@ -23,7 +23,7 @@ where the constant and the drifting part are both 0.1 to 0.35 px."""
 
 
 def place_sigma_px(flight: Flight, camera: CameraSettings) -> tuple[float, float]:
-    """How far the point that a tracker follows may sit from where the other cameras' tracks have it: constant, drifting.
+    """How far a tracker's point may sit from where the other cameras' tracks have it: constant, drifting.
 
     A box is drawn around a target as this camera sees it, and its look changes with the direction. Detections made
     elsewhere are taken as the same physical point.
