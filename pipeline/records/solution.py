@@ -50,6 +50,7 @@ class Bias:
     rotation_rad  (3,) in camera axes: cam_from_enu (true) = exp(rotation) * cam_from_enu (measured)
     position_m    (3,) ENU: true minus measured
     focal_scale   true focal length over the calibrated one
+    start_s       true log time of frame 0 minus the given one
     *_sigma       one standard deviation each
     """
 
@@ -60,6 +61,8 @@ class Bias:
     position_sigma_m: Floats
     focal_scale: float = 1.0
     focal_scale_sigma: float = 0.0
+    start_s: float = 0.0
+    start_sigma_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("rotation_rad", "rotation_sigma_rad", "position_m", "position_sigma_m"):

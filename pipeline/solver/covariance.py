@@ -78,8 +78,7 @@ class Sandwich:
 
     def pairs(self, i: Ints, j: Ints) -> Floats:
         """See `Covariance`."""
-        i, j = np.broadcast_arrays(i, j)
-        return np.asarray(np.einsum("...m,...m->...", self.columns[i], self.columns[j]))
+        return np.asarray(np.einsum("...m,...m->...", self.columns[i], self.columns[j], optimize=False))
 
 
 def motion_band(covariance: Covariance, model: Model, target: int) -> Floats:
@@ -89,7 +88,8 @@ def motion_band(covariance: Covariance, model: Model, target: int) -> Floats:
     out = np.zeros((basis.count, basis.degree + 1, 3, 3))
     for d in range(min(basis.degree + 1, basis.count)):
         a = np.arange(basis.count - d)
-        out[a, d] = covariance.pairs(place[a][:, :, None], place[a + d][:, None, :])
+        for axis in range(3):
+            out[a, d, axis] = covariance.pairs(place[a, axis, None], place[a + d])
     return out
 
 
