@@ -25,13 +25,8 @@ from pipeline.solver.covariance import Covariance, motion_band
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.motion_basis import motion_of
-<<<<<<< ours
 from pipeline.solver.residuals import linearise, place_shift
-from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, common_time_s
-=======
-from pipeline.solver.residuals import linearise
-from pipeline.solver.timing import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
->>>>>>> theirs
+from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
 
 NAMES = (
     "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
