@@ -13,11 +13,9 @@ from pipeline.solver.elimination import HUBER, NONE, Loss
 from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
 from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
-from pipeline.solver.model import Model, State
-from pipeline.solver.residuals import linearise
+from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.search import search_offsets
 from pipeline.solver.start import MotionChoice, first_camera, first_model, given_offsets
-from pipeline.solver.timing import FOCAL, common_time_s
 
 TRIED = 3
 """Offset candidates that are given a short adjustment each."""
@@ -101,8 +99,4 @@ def residual_lengths(model: Model, state: State) -> Floats:
 
 def residuals(model: Model, state: State) -> Floats:
     """(F, N, 2) residuals in sigmas."""
-    frames = model.frames
-    time = common_time_s(frames, model.drift, state.camera, state.deviation)
-    error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
-    position = model.basis.position(time, state.coefficients)
-    return linearise(frames, slice(None), position, error, state.camera[frames.camera, FOCAL]).residual
+    return residuals_of(model.frames, slice(None), model, state)

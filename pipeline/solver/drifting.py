@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.records import Finding, Problem
-from pipeline.solver.model import Model, State
+from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.residuals import linearise
 from pipeline.solver.timing import FOCAL, Drift, common_time_s, drift_knots
 
@@ -46,9 +46,10 @@ def agreement(model: Model, state: State, camera: int) -> Agreement | None:
     velocity = (ahead - behind) / (2 * STEP_S)
     error = state.camera[camera, :6] + model.pose.spread[camera] * state.own[part]
     found = linearise(frames, part, position, error, np.full(len(time), state.camera[camera, FOCAL]))
+    residual = residuals_of(frames, part, model, state)
     by_time = (found.by_position @ velocity[..., None])[..., 0]
-    weight = model.loss.weight((found.residual**2).sum(-1))
-    pull = (weight * (by_time * found.residual).sum(-1)).sum(-1)
+    weight = model.loss.weight((residual**2).sum(-1))
+    pull = (weight * (by_time * residual).sum(-1)).sum(-1)
     worth = (weight * (by_time**2).sum(-1)).sum(-1)
     return _agreement(frames.video_s[part], pull, worth)
 

@@ -146,3 +146,15 @@ def scaled_metric(frames: Frames, distance_m: Floats, bias_rad: Floats) -> Frame
     square = 0.5 * (frames.gain**2).sum(axis=(-1, -2)) * bias_rad[frames.camera, None] ** 2
     weight = 1 / (distance_m * np.sqrt(1 + square))
     return replace(frames, gain=frames.gain * weight[..., None, None], angular=False)
+
+
+def with_poses_of(frames: Frames, moved: Frames) -> Frames:
+    """`frames` with the poses that `moved` has come to."""
+    return replace(
+        frames,
+        cam_from_enu=moved.cam_from_enu,
+        position_m=moved.position_m,
+        pose_rate=moved.pose_rate,
+        pose_shift_s=moved.pose_shift_s,
+        pose_taken_s=moved.pose_taken_s,
+    )

@@ -99,7 +99,7 @@ def with_drifting_clocks(problem: Problem, fit: Fit, descent: Descent) -> tuple[
     return replace(again, iterations=fit.iterations + again.iterations), reasons
 
 
-def outcome(frames: Frames, found: Adjusted) -> Outcome:
+def outcome(found: Adjusted) -> Outcome:
     """The adjustment with its uncertainty, plain and cluster-robust."""
     fit = found.fit
     factor = factorise(fit.linear.system)
@@ -108,7 +108,8 @@ def outcome(frames: Frames, found: Adjusted) -> Outcome:
         cluster = clusters(fit.model, fit.state, residuals(fit.model, fit.state))
         robust = sandwich(fit.model, fit.state, factor, cluster)
     return Outcome(
-        model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,
+        model=fit.model, observed=fit.model.frames, state=fit.state, status=fit.status,
+        iterations=fit.iterations, cost=fit.cost,
         plain=None if factor is None else Inverse(factor=factor), robust=robust,
         findings=found.findings, candidates=found.candidates,
     )  # fmt: skip

@@ -10,7 +10,8 @@ from calibration.arrays import Bools, Floats, Ints
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames
 from pipeline.solver.motion_basis import MotionBasis, jerk_rows
-from pipeline.solver.timing import Drift
+from pipeline.solver.residuals import linearise, place_shift
+from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, Drift, common_time_s
 
 DRIFT_CENTRED_S = 1e-4
 """How exactly a deviation is held to have neither offset nor rate of its own: those are the affine clock's."""
@@ -152,3 +153,15 @@ def drift_penalty(drift: Drift, camera: int, rate: float) -> Floats:
     middle = (knots - knots.mean()) / max(float(np.ptp(knots)), 1e-9)
     level = np.stack([np.full(k, 1 / k), middle / max(float(np.abs(middle).sum()), 1e-9)]) / DRIFT_CENTRED_S
     return np.asarray(step.T @ step + level.T @ level)
+
+
+def residuals_of(frames: Frames, part: slice, model: Model, state: State) -> Floats:
+    """(n, N, 2): residuals of the frames `part` at a point, as `frames` measures them; place errors are in pixels."""
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)[part]
+    camera = frames.camera[part]
+    error = state.camera[camera, :6] + model.pose.spread[camera] * state.own[part]
+    position = model.basis.position(time, state.coefficients)
+    found = linearise(frames, part, position, error, state.camera[camera, FOCAL]).residual
+    if state.camera.shape[1] > CAMERA_PARAMETERS and frames.angular:
+        found = found + place_shift(frames, part, state.camera)
+    return found

@@ -23,10 +23,9 @@ from pipeline.records import (
 )
 from pipeline.solver.covariance import Covariance, motion_band
 from pipeline.solver.layout import Frames
-from pipeline.solver.model import Model, State
+from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.motion_basis import motion_of
-from pipeline.solver.residuals import linearise, place_shift
-from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
+from pipeline.solver.timing import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
 
 NAMES = (
     "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
@@ -166,14 +165,7 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, int]:
     """The table of sightings, the sum of squared residuals in sigmas, and how many sightings there are."""
     model, state, frames = found.model, found.state, found.observed
     position = model.basis.position(time, state.coefficients)
-    error = state.camera[frames.camera, :6] + model.pose.spread[frames.camera] * state.own
-    residual = np.empty((*frames.seen.shape, 2))
-    for c in range(len(frames.cameras)):
-        part = frames.of(c)
-        focal = state.camera[frames.camera[part], FOCAL]
-        residual[part] = linearise(frames, part, position[part], error[part], focal).residual
-        if state.camera.shape[1] > CAMERA_PARAMETERS:
-            residual[part] += place_shift(frames, part, state.camera)
+    residual = np.concatenate([residuals_of(frames, frames.of(c), model, state) for c in range(len(frames.cameras))])
     f, n = np.nonzero(frames.seen)
     sigmas = np.linalg.norm(residual[f, n], axis=-1)
     pixel = frames.sigma_px

@@ -27,7 +27,7 @@ from pipeline.solver.bordered import factorise
 from pipeline.solver.covariance import Inverse
 from pipeline.solver.findings import find_degeneracies
 from pipeline.solver.intersection import intersect
-from pipeline.solver.layout import Frames, metric, pack
+from pipeline.solver.layout import Frames, metric, pack, with_poses_of
 from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.model import Model, State
 from pipeline.solver.moving_poses import renewing
@@ -118,7 +118,8 @@ def _paper_outcome(asked: Asked, fit: Fit) -> Outcome:
     factor = factorise(fit.linear.system)
     known = factor is not None and redundancy > 0
     return Outcome(
-        model=fit.model, observed=asked.frames, state=fit.state, status=fit.status, iterations=fit.iterations,
+        model=fit.model, observed=with_poses_of(asked.frames, fit.model.frames), state=fit.state, status=fit.status,
+        iterations=fit.iterations,
         cost=fit.cost, candidates=asked.starts, findings=_assumed_orders(asked.problem),
         plain=Inverse(factor=factor, scale=2 * fit.cost / redundancy) if known and factor is not None else None,
     )  # fmt: skip
@@ -144,7 +145,7 @@ def _triangulation(asked: Asked) -> Finish:
 
 def _map(asked: Asked) -> Finish:
     found = statistical.adjust(asked.problem, asked.settings, asked.frames, asked.starts, asked.progress)
-    return partial(statistical.outcome, asked.frames, found)
+    return partial(statistical.outcome, found)
 
 
 METHODS: dict[str, Callable[[Asked], Finish]] = {
