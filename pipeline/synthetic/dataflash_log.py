@@ -66,7 +66,7 @@ FORMATS = {
             kind=136,
             name="CAM",
             letters="QBHIHLLeeeccC",
-            labels="TimeUS,I,Img,GPSTime,GPSWeek,Lat,Lng,Alt,RelAlt,GPSAlt,Roll,Pitch,Yaw",
+            labels="TimeUS,I,Img,GPSTime,GPSWeek,Lat,Lng,Alt,RelAlt,GPSAlt,R,P,Y",
         ),
     )
 }  # fmt: skip

@@ -11,7 +11,7 @@ from pyproj import Transformer
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.geometry import rotation
-from pipeline.synthetic.dataflash_log import dataflash_bytes
+from pipeline.synthetic.dataflash_log import FORMATS, dataflash_bytes
 from pipeline.synthetic.demo_scenes import small_scene
 from pipeline.synthetic.instruments import UNDULATION_M, LogClock, record, wandering
 from pipeline.synthetic.mavlink_log import tlog_bytes
@@ -210,3 +210,10 @@ def test_dataflash_is_read_by_pymavlink(tmp_path):
     first = found["GPS"][0]
     utc = 315964800 + first.GWk * 604800 + first.GMS / 1000 - 18
     assert utc == pytest.approx(1748770200.0 + first.TimeUS * 1e-6 - 412.345, abs=2e-3)
+
+
+def test_every_dataflash_format_fits_its_description():
+    for form in FORMATS.values():
+        assert len(form.labels) <= 64
+        assert len(form.labels.split(",")) == len(form.letters) <= 16
+        assert form.packer.size + 3 < 256
