@@ -144,9 +144,13 @@ def _spin(turned, measured, rate, spin):  # type: ignore[no-untyped-def]
 @_compiled
 def block_normals(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
-    series, bias, focal, own, begin, camera, time_u, half_s,
+    series, bias, focal, own, begin, camera, time_u, half_s, keep,
 ):  # fmt: skip
-    """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain."""
+    """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
+
+    With `keep` also what `kept_steps` needs of every frame (F, 6 nz + 27): W = L^-1 E, L^-1 h, the factor L of H
+    below its diagonal, and the inverse of its diagonal.
+    """
     n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
     nx = 3 * n_targets
     nq = 9 if has_rate else 8
@@ -154,6 +158,7 @@ def block_normals(  # type: ignore[no-untyped-def]
     nk = max(2 * powers - 1, 3)
     first_q = nx * powers
     size = first_q + 11
+    kept = np.zeros((len(own) if keep else 0, 6 * nz + 27))
     normal = np.zeros((n_blocks, size, size))
     gradient = np.zeros((n_blocks, size))
     DX = np.zeros((nx, 9, LANES))
@@ -285,6 +290,18 @@ def block_normals(  # type: ignore[no-untyped-def]
                     for i in range(6):
                         for lane in range(lanes):
                             gz[z, lane] -= W[z, i, lane] * wh[i, lane]
+                if keep:
+                    for lane in range(lanes):
+                        row = kept[low + lane]
+                        for z in range(nz):
+                            for i in range(6):
+                                row[6 * z + i] = W[z, i, lane]
+                        at = 6 * nz
+                        for i in range(6):
+                            row[at + i] = wh[i, lane]
+                            row[at + 6 + i] = inverse[i, lane]
+                            for j in range(i):
+                                row[at + 12 + (i * (i - 1)) // 2 + j] = H[i, j, lane]
             # --- moments
             for z in range(nz):
                 if z < nx:
@@ -351,7 +368,46 @@ def block_normals(  # type: ignore[no-untyped-def]
         for i in range(size):
             for j in range(i):
                 N[j, i] = N[i, j]
-    return normal, gradient, cost, frame_gain
+    return normal, gradient, cost, frame_gain, kept
+
+
+@_compiled
+def kept_steps(kept, seen, has_rate, begin, time_u, powers, step):  # type: ignore[no-untyped-def]
+    """The same as `frame_steps` from what `block_normals` kept: du = - L'^-1 (L^-1 h + W dz)."""
+    n_targets = seen.shape[1]
+    nx = 3 * n_targets
+    nz = nx + (9 if has_rate else 8)
+    first_q, at = nx * powers, 6 * nz
+    out = np.zeros((len(kept), 6))
+    right = np.zeros(6)
+    for b in range(len(begin) - 1):
+        d = step[b]
+        for f in range(begin[b], begin[b + 1]):
+            row = kept[f]
+            if row[at + 6] == 0.0:
+                continue
+            u = time_u[f]
+            for i in range(6):
+                right[i] = row[at + i]
+            for z in range(nz):
+                if z < nx:
+                    top = z * powers + powers - 1
+                    dz = d[top]
+                    for k in range(1, powers):
+                        dz = dz * u + d[top - k]
+                elif z - nx < 7:
+                    dz = d[first_q + z - nx]
+                else:
+                    place = first_q + 7 + 2 * (z - nx - 7)
+                    dz = d[place] + u * d[place + 1]
+                for i in range(6):
+                    right[i] += row[6 * z + i] * dz
+            for i in range(5, -1, -1):
+                for k in range(i + 1, 6):
+                    right[i] -= row[at + 12 + (k * (k - 1)) // 2 + i] * right[k]
+                right[i] *= row[at + 6 + i]
+                out[f, i] = -right[i]
+    return out
 
 
 @_compiled
@@ -535,8 +591,9 @@ def warm() -> None:
         eye, f((1, 3)), f((1, 6)), False, ray, gain, seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
         f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)), begin, i, f(1), np.ones(1),
     )  # fmt: skip
-    normal, gradient, _, _ = block_normals(*given)
+    normal, gradient, _, _, kept = block_normals(*given, True)
     frame_steps(*given, gradient)
+    kept_steps(kept, seen, False, begin, f(1), 1, gradient)
     places = np.full((1, 15), -1)
     assemble(normal, gradient, np.ones((1, 1, 1, 1)), i, i, f((1, 11, 12)), places, 0, 0, 0)
     warm.done = True  # type: ignore[attr-defined]

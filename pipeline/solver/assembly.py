@@ -35,6 +35,7 @@ class Linear:
     system: Bordered
     cost: float
     frame_gain: float
+    kept: Floats | None
 
 
 def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[Blocks, At]:
@@ -57,8 +58,9 @@ def linear(model: Model, state: State) -> Linear:
     normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
     system, prior_cost = add_priors(model, state, assemble(model, blocks, normals))
     return Linear(
-        state=state, blocks=blocks, at=at, system=system, cost=normals.cost + prior_cost, frame_gain=normals.frame_gain
-    )
+        state=state, blocks=blocks, at=at, system=system, cost=normals.cost + prior_cost,
+        frame_gain=normals.frame_gain, kept=normals.kept,
+    )  # fmt: skip
 
 
 def global_places(model: Model, blocks: Blocks) -> Ints:
@@ -185,7 +187,7 @@ def moved(model: Model, here: Linear, step: Floats) -> State:
     own = state.own
     if model.pose.free:
         local = local_step(model, here, step)
-        own = own + frame_steps(model.frames, model.pose, model.loss, here.at, here.blocks, local)
+        own = own + frame_steps(model.frames, model.pose, model.loss, here.at, here.blocks, local, here.kept)
     return State(
         coefficients=state.coefficients + part(order.coefficient),
         camera=state.camera + part(order.camera),

@@ -28,6 +28,8 @@ from pipeline.solver.residuals import Linearised, linearise, place_shift
 from pipeline.solver.timing import CAMERA_PARAMETERS
 
 CHUNK_FRAMES = 2048
+KEPT_NUMBERS = 25_000_000
+"""200 MB: beyond, the frames' steps are computed anew instead of kept."""
 NONE, HUBER, CAUCHY = 0, 1, 2
 
 
@@ -97,6 +99,7 @@ class At:
 class BlockNormals:
     """`normal` (B, L, L) and `gradient` (B, L) of the local unknowns: target, axis, power; then the 11 columns.
 
+    kept        what the frames' steps need, (F, ...); None: they are computed anew
     cost        half of rho summed, and of the frames' own priors
     frame_gain  what moving the frames' own errors alone would take off the cost
     """
@@ -105,6 +108,7 @@ class BlockNormals:
     gradient: Floats
     cost: float
     frame_gain: float
+    kept: Floats | None = None
 
 
 def _target_motion(series: Floats, u: Floats, half_s: Floats) -> tuple[Floats, Floats]:
@@ -235,16 +239,24 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
     if not _kernels.AVAILABLE or at.placed:
         return block_normals_plain(frames, pose, loss, at, blocks)
     compiled: Callable[..., Any] = _kernels.block_normals
-    normal, gradient, cost, gain = compiled(*_kernel_arguments(frames, pose, loss, at, blocks))
-    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain)
+    columns = 3 * len(frames.targets) + (8 if frames.pose_rate is None else 9)
+    keep = pose.free and frames.count * (6 * columns + 27) <= KEPT_NUMBERS
+    normal, gradient, cost, gain, kept = compiled(*_kernel_arguments(frames, pose, loss, at, blocks), keep)
+    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
 
 
-def frame_steps(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
-    """du (F, 6) that belongs to the local step (B, L)."""
+def frame_steps(
+    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats, kept: Floats | None = None
+) -> Floats:
+    """du (F, 6) that belongs to the local step (B, L); quicker from what `block_normals` `kept` at the same point."""
     if not pose.free:
         return np.zeros((frames.count, 6))
     if not _kernels.AVAILABLE or at.placed:
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
+    if kept is not None:
+        quick: Callable[..., Floats] = _kernels.kept_steps
+        rated, powers = frames.pose_rate is not None, at.series.shape[-1]
+        return quick(kept, frames.seen, rated, blocks.begin, blocks.u, powers, step)
     compiled: Callable[..., Floats] = _kernels.frame_steps
     return compiled(*_kernel_arguments(frames, pose, loss, at, blocks), step)
 

@@ -65,6 +65,8 @@ def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent()
         if factor is not None:
             step = -factor.solve(here.system.gradient)
             foretold = 0.5 * float(step @ (damping * diagonal * step - here.system.gradient)) + here.frame_gain
+            if foretold <= small * here.cost and damping <= FIRST_DAMPING:
+                return Fit(model=model, linear=here, status="converged", iterations=iteration)
             trial_model, trial = model, moved(model, here, step)
             if renew is not None:
                 trial_model = renew(model, trial)
@@ -81,7 +83,7 @@ def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent()
                     return Fit(model=model, linear=here, status="converged", iterations=iteration)
                 damping, growth = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-15), 2.0
                 continue
-            if foretold <= small * here.cost + 1e-300:
+            if foretold <= small * here.cost:
                 return Fit(model=model, linear=here, status="converged", iterations=iteration)
         damping, growth = damping * growth, growth * 2
         if damping > 1e12:
