@@ -34,6 +34,8 @@ WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
 MAY_HAVE_STOPPED_S = 5.0
 NEW_SCORE = 0.42
+# a find so close to the prediction (sigmas), so soon after it was lost, agreeing so nearly, may score so much less
+EXPECTED_SIGMAS, EXPECTED_S, EXPECTED_AGREEING, EXPECTED_BONUS = 2.0, 1.0, 0.2, 0.22
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
@@ -196,19 +198,23 @@ def _in_view(course: Course, image: Image) -> bool:
 
 
 def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
-    """Verification: it looks like the target, most of it is there, and it is where it can be."""
+    """Verification: it looks like the target, most of it is there, and it is where it can be.
+
+    Where it is just where it was expected, and nearly all of it agrees, it may correlate less: the ground behind a
+    small target takes part in its look.
+    """
     size = float(np.sqrt(np.prod(target.template.size_px)))
     scale = _scale(found.warp.linear)
-    gate = GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
+    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
     seen = np.array([found.score, found.agreeing])
+    least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
+    expected = off < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
+    if expected and found.agreeing >= target.usual[1] - EXPECTED_AGREEING:
+        least[0] -= EXPECTED_BONUS
     return (
-        bool(
-            np.all(
-                seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
-            )
-        )
+        bool(np.all(seen >= least))
         and found.inside >= LEAST_INSIDE
-        and bool(np.hypot(*(found.warp.centre_px - target.course.position_px)) < gate)
+        and off < GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
         and 0.7 < scale / _scale(target.linear) < 1.4
     )
 
