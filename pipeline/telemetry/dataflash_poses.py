@@ -118,13 +118,16 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
 
 
 def _undulation(raw: RawLog) -> Undulation | None:
-    """GPA.Und, or GPA.AEl (height above the ellipsoid) beside GPS.Alt."""
+    """From GPA.Und, or from GPA.AEl (height above the ellipsoid) beside GPS.Alt.
+
+    ArduPilot counts Und from mean sea level up to the ellipsoid: the negative of the geoid's height above it.
+    """
     gpa, gps = _first(raw.table("GPA")), _gps(raw)
     if gpa is None or gps is None:
         return None
     if "Und" in gpa:
         said = gpa.floats("Und")
-        return undulation_of("GPA.Und", said[said != 0])
+        return undulation_of("GPA.Und", -said[said != 0])
     if "AEl" in gpa:
         fixed = gps.only(np.asarray(gps.floats("Status") >= 3))
         if len(fixed) == 0:
