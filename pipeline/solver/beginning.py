@@ -16,6 +16,7 @@ from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
 from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.search import search_offsets
 from pipeline.solver.start import MotionChoice, first_camera, first_model, given_offsets
+from pipeline.solver.timing import OFFSET, SCALE, common_time_s
 
 TRIED = 3
 """Offset candidates that are given a short adjustment each."""
@@ -23,6 +24,8 @@ TRIAL = 25
 """Iterations of it."""
 STAGES, SHORT, COARSE, FAR = 4, 8, 1e-2, 2.5
 """Of a graduated loss: stages and iterations of each at most, what ends one, median residuals at which it bends."""
+MARGIN, SAME_S = 0.3, 0.1
+"""Share by which the search's cost may be worse for a candidate to be tried; clocks nearer than this are the same."""
 CLEARLY_WORSE = 10.0
 """Cost (half chi-square) by which the next best offsets must be worse not to be called ambiguous."""
 
@@ -38,15 +41,39 @@ def candidates(problem: Problem, settings: SolverSettings) -> tuple[OffsetCandid
 def best_start(
     found: tuple[OffsetCandidate, ...], begin: Callable[[OffsetCandidate, int], Fit], iterations: int
 ) -> tuple[Fit, tuple[OffsetCandidate, ...], tuple[Finding, ...]]:
-    """A short adjustment from each of the best candidates; the lowest cost goes on, all are reported."""
+    """A short adjustment from each of the best candidates; the lowest cost goes on.
+
+    All are reported: those that were tried where they ended and with the cost they reached, the others as much worse
+    than the best as the search found them.
+    """
     if len(found) == 1:
         return begin(found[0], iterations), found, ()
-    fits = [begin(c, min(TRIAL, iterations)) for c in found[:TRIED]]
-    ranked = sorted(range(len(fits)), key=lambda i: fits[i].cost)
-    reported = tuple(
-        OffsetCandidate(offset_s=found[i].offset_s, cost=fits[i].cost, frame_rate=found[i].frame_rate) for i in ranked
+    worst = found[0].cost * (1 + MARGIN) + CLEARLY_WORSE
+    tried = [c for c in found[:TRIED] if c.cost <= worst]
+    fits = sorted((begin(c, min(TRIAL, iterations)) for c in tried), key=lambda fit: fit.cost)
+    apart = [fit for i, fit in enumerate(fits) if all(differ(fit, other) for other in fits[:i])]
+    left = [replace(c, cost=apart[0].cost + c.cost - found[0].cost) for c in found if c not in tried]
+    reported = (*(_reached(fit) for fit in apart), *left)
+    return fits[0], reported, ambiguous(reported)
+
+
+def differ(one: Fit, other: Fit) -> bool:
+    """Whether two adjustments ended at clocks that differ at some camera's mid-video."""
+    frames = one.model.frames
+    times = [common_time_s(frames, f.model.drift, f.state.camera, f.state.deviation) for f in (one, other)]
+    middle = [(frames.of(c).start + frames.of(c).stop) // 2 for c in range(len(frames.cameras))]
+    return bool(np.abs(times[0] - times[1])[middle].max() > SAME_S)
+
+
+def _reached(fit: Fit) -> OffsetCandidate:
+    """Where an adjustment from a candidate ended; frame rates relative to the given ones are in the state's scale."""
+    frames, camera = fit.model.frames, fit.state.camera
+    rate = frames.nominal_rate / (1 + camera[:, SCALE])
+    return OffsetCandidate(
+        offset_s={name: float(camera[c, OFFSET]) for c, name in enumerate(frames.cameras)},
+        frame_rate={name: float(rate[c]) for c, name in enumerate(frames.cameras)},
+        cost=fit.cost,
     )
-    return fits[ranked[0]], reported, ambiguous(reported)
 
 
 def ambiguous(ranked: tuple[OffsetCandidate, ...]) -> tuple[Finding, ...]:

@@ -26,6 +26,7 @@ NEAREST_COSINE = 0.05
 class Frames:
     """All frames (F in all), C cameras, N targets.
 
+    nominal_rate  (C,) frame rates as given, Hz
     first         (C + 1,) where each camera's frames begin
     camera        (F,) index
     frame, video_s  (F,) number and video time
@@ -43,6 +44,7 @@ class Frames:
 
     cameras: tuple[str, ...]
     targets: tuple[str, ...]
+    nominal_rate: Floats
     first: Ints
     camera: Ints
     frame: Ints
@@ -111,6 +113,7 @@ def pack(problem: Problem) -> Frames:
     return Frames(
         cameras=tuple(c.camera for c in problem.cameras),
         targets=tuple(index),
+        nominal_rate=np.array([c.frame_rate for c in problem.cameras]),
         first=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
         camera=np.repeat(np.arange(len(count)), count),
         frame=np.concatenate([c.poses.frame for c in problem.cameras]),

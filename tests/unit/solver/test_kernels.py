@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.solver import _kernels
+from pipeline.records import SolverSettings
+from pipeline.solver import _kernels, solve
 from pipeline.solver.assembly import assemble, assemble_plain, blocks_at
 from pipeline.solver.elimination import (
     block_normals,
@@ -14,6 +15,8 @@ from pipeline.solver.elimination import (
     frame_steps_plain,
 )
 from pipeline.solver.layout import metric
+from pipeline.synthetic.scenes import paper_scene
+from pipeline.synthetic.simulate import PAPER_LOW, simulate
 from tests.unit.solver.solver_scenes import changed, rich_model
 
 pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
@@ -74,3 +77,12 @@ def test_warming_up_loads_the_signatures_in_use():
     model, state = rich_model(("polynomial", "spline"), pose_rate=False)
     _both(model, state)
     assert [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)] == before
+
+
+def test_a_whole_solve_without_numba(monkeypatch):
+    problem, _ = simulate(paper_scene(order=1, targets=2), noise=PAPER_LOW, seed=0)
+    fast = solve(problem, SolverSettings())
+    monkeypatch.setattr(_kernels, "AVAILABLE", False)
+    plain = solve(problem, SolverSettings())
+    assert plain.cost == pytest.approx(fast.cost, rel=1e-9)
+    np.testing.assert_allclose(plain.motions[0].coefficients, fast.motions[0].coefficients, atol=1e-6)

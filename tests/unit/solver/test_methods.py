@@ -161,3 +161,17 @@ def test_progress_is_told():
     problem, _ = simulate(paper_scene(order=1, targets=2), noise=PAPER_HIGH, seed=0)
     solve(problem, SolverSettings(), progress=lambda i, cost: told.append((i, cost)))
     assert [i for i, _ in told] == list(range(1, len(told) + 1))
+
+
+def test_candidates_that_end_alike_are_one():
+    """Offsets found by search: nothing is called ambiguous because two starts lead to the same answer."""
+    scene = paper_scene(order=1, targets=4, offset_frames=8, given_offset_s=None)
+    problem, truth = simulate(scene, noise=PAPER_LOW, seed=1)
+    solution = solve(problem, SolverSettings(search_s=20.0))
+    clock = solution.clock("uav2")
+    assert clock.offset_s == pytest.approx(truth.offset_s["uav2"], abs=4 * clock.offset_sigma_s)
+    offsets = [c.offset_s["uav2"] for c in solution.offset_candidates]
+    assert min(abs(a - b) for i, a in enumerate(offsets) for b in offsets[:i] or [1e3]) > 0.05
+    costs = [c.cost for c in solution.offset_candidates]
+    assert costs == sorted(costs)
+    assert not [f for f in solution.findings if f.kind == "ambiguous-offset"]
