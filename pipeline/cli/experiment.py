@@ -76,7 +76,7 @@ def _row(outcome: Outcome, e: Entry) -> Mapping[str, Any]:
 def _table(outcome: Outcome) -> str:
     """For people: every cell and approach in one line."""
     e = outcome.experiment
-    names = f"{'cell':<44}{'approach':<32}{'error m':>10}{'+-':>8}{'bound':>9}{'rms/bound':>11}{'paper':>9}"
+    names = f"{'cell':<52}{'approach':<32}{'error m':>10}{'+-':>8}{'bound':>9}{'rms/bound':>11}{'paper':>9}"
     lines = [f"{e.name}: {e.title}", names]
     for entry in outcome.entries:
         cell = ", ".join(f"{k} {v}" for k, v in e.cells[entry.cell].values.items())
@@ -84,7 +84,7 @@ def _table(outcome: Outcome) -> str:
         texts = [f"{v:.4g}" if math.isfinite(v) else "" for v in figures]
         mark = {"worse": "", "better": "  better than " + e.reference, "equal": "", "": ""}[entry.against_reference()]
         lines.append(
-            f"{cell:<44}{e.approaches[entry.approach].name:<32}{texts[0]:>10}{texts[1]:>8}{texts[2]:>9}{texts[3]:>11}"
+            f"{cell:<52}{e.approaches[entry.approach].name:<32}{texts[0]:>10}{texts[1]:>8}{texts[2]:>9}{texts[3]:>11}"
             f"{texts[4]:>9}{mark}"
         )
     return "\n".join(lines)

@@ -12,7 +12,9 @@ from pipeline.experiments.rotation_experiments import ROTATION_EARLIER
 from pipeline.experiments.scenes import PAPER_ARCS, paper_flight
 from pipeline.synthetic.simulate import Noise
 
-NOTHING_KNOWN = 1000.0
+NOTHING_KNOWN = 100.0
+ANGLE_UNKNOWN = 10.0
+"""Times the true sigma: 5 degrees, as far as a linear prior makes sense."""
 
 
 def bound() -> Experiment:
@@ -46,7 +48,7 @@ def bound() -> Experiment:
 
 
 def _no_attitude_bias(noise: Noise) -> Noise:
-    return replace(noise, attitude_bias_rad=noise.attitude_bias_rad * 40)
+    return replace(noise, attitude_bias_rad=noise.attitude_bias_rad * ANGLE_UNKNOWN)
 
 
 def _no_position_bias(noise: Noise) -> Noise:
@@ -54,7 +56,7 @@ def _no_position_bias(noise: Noise) -> Noise:
 
 
 def _no_attitude(noise: Noise) -> Noise:
-    return replace(noise, attitude_rad=noise.attitude_rad * 40)
+    return replace(noise, attitude_rad=noise.attitude_rad * ANGLE_UNKNOWN)
 
 
 def _no_position(noise: Noise) -> Noise:
@@ -104,7 +106,7 @@ def priors() -> Experiment:
         title="What each prior is worth",
         paper="",
         about="`map` knows what the instruments are worth. Here one piece of that knowledge at a time is taken away "
-        "(unknown: a sigma so wide that it says nothing), or the errors are denied (taken as exact), as the paper's "
+        "(unknown: a sigma ten times too wide for angles, a hundred times for the rest), or the errors are denied (taken as exact), as the paper's "
         "methods do with biases. The offset is given with 0.05 s, the frame rate with 1 %.",
         geometry=PAPER_ARCS.words() + "; offset 5 frames",
         cells=cells,

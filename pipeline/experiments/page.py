@@ -81,7 +81,7 @@ def grid_table(outcome: Outcome, grid: Grid) -> Html:
                 cells.append(tag("td", "", class_="n"))
                 continue
             figure = figure_of(outcome, entry, grid.measure)
-            if approach.told is None and not math.isfinite(limits[c]):
+            if not math.isfinite(limits[c]):
                 limits[c] = figure.bound
             cells.append(number_cell(figure.value, figure.error, figure.published))
         rows.append(tag("tr", tag("th", approach.name, scope="row"), *cells, class_="ours" if approach.ours else None))

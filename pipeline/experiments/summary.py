@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.experiments.bound import Bound, bound
-from pipeline.experiments.declare import Approach, Cell, Experiment
+from pipeline.experiments.declare import Experiment
 from pipeline.experiments.flights import cell_scene
 from pipeline.experiments.measure import place
 from pipeline.experiments.paths import FlownPath
@@ -125,24 +125,18 @@ def summarise(
 
 
 def cell_bounds(experiment: Experiment, cell: int) -> dict[int, Bound]:
-    """The bound of a cell for every approach that is not left out; approaches told the same share one."""
+    """The bound of a cell for every approach that is not left out: for those who know what the noise truly is."""
     what = experiment.cells[cell]
-    shared: dict[object, Bound] = {}
+    shared: dict[bool, Bound] = {}
     out = {}
     for number, approach in enumerate(experiment.approaches):
         if approach.name in what.leave_out:
             continue
-        key = (approach.told, approach.settings.refine_frame_rate)
-        if key not in shared:
-            shared[key] = cell_bound(what, approach)
-        out[number] = shared[key]
+        refined = approach.settings.refine_frame_rate
+        if refined not in shared:
+            shared[refined] = bound(cell_scene(what), what.noise, hidden=what.hidden, refine_frame_rate=refined)
+        out[number] = shared[refined]
     return out
-
-
-def cell_bound(cell: Cell, approach: Approach) -> Bound:
-    """The bound of a cell, for those who are told what the approach is told."""
-    noise = cell.noise if approach.told is None else approach.told(cell.noise)
-    return bound(cell_scene(cell), noise, hidden=cell.hidden, refine_frame_rate=approach.settings.refine_frame_rate)
 
 
 def _entry(experiment: Experiment, cell: int, approach: int, runs: Floats, limit: Bound) -> Entry:
