@@ -106,7 +106,8 @@ def priors() -> Experiment:
         title="What each prior is worth",
         paper="",
         about="`map` knows what the instruments are worth. Here one piece of that knowledge at a time is taken away "
-        "(unknown: a sigma ten times too wide for angles, a hundred times for the rest), or the errors are denied (taken as exact), as the paper's "
+        "(unknown: a sigma ten times too wide for angles, a hundred times "
+        "for the rest), or the errors are denied (taken as exact), as the paper's "
         "methods do with biases. The offset is given with 0.05 s, the frame rate with 1 %.",
         geometry=PAPER_ARCS.words() + "; offset 5 frames",
         cells=cells,
