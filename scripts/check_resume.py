@@ -23,22 +23,25 @@ def contents(out: Path) -> dict[str, bytes]:
 
 
 def differences(flight: Path, folder: Path, *, kills: int, seed: int) -> tuple[list[str], int]:
-    """Files that differ after `kills` killed runs and a whole one, and how many kills hit a running process."""
+    """Files that differ after runs killed once and started again, and how many kills hit a running process."""
     begin = time.perf_counter()
     subprocess.run(run_command(flight, folder / "undisturbed"), check=True)
     length_s = time.perf_counter() - begin
-    moments, hits = random.Random(seed), 0
-    for _ in range(kills):
-        process = subprocess.Popen(run_command(flight, folder / "killed"), start_new_session=True)
+    whole = contents(folder / "undisturbed")
+    moments, hits, found = random.Random(seed), 0, set()
+    for number in range(kills):
+        out = folder / f"killed-{number}"
+        process = subprocess.Popen(run_command(flight, out), start_new_session=True)
         try:
             process.wait(timeout=moments.uniform(0.1, length_s))
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGKILL)
             process.wait()
             hits += 1
-    subprocess.run(run_command(flight, folder / "killed"), check=True)
-    one, other = contents(folder / "undisturbed"), contents(folder / "killed")
-    return [name for name in sorted(one.keys() | other.keys()) if one.get(name) != other.get(name)], hits
+        subprocess.run(run_command(flight, out), check=True)
+        other = contents(out)
+        found |= {name for name in whole.keys() | other.keys() if whole.get(name) != other.get(name)}
+    return sorted(found), hits
 
 
 def main(flight: str, kills: str = "10", seed: str = "0") -> int:
