@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
+from calibration.camera import CameraModel
 from pipeline.errors import InputFileError
 from pipeline.export import export_all, poses_csv, read_tracks_csv, tracks_csv
 from pipeline.flight import Flight
@@ -70,8 +71,8 @@ def _hashes(flight: Flight) -> dict[str, str]:
     return {name: file_hash(path) for name, path in input_files(flight).items()}
 
 
-def check_inputs(flight: Flight) -> None:
-    """Looks at every input that is quickly looked at, so that a long run does not fail at its end.
+def check_inputs(flight: Flight) -> dict[str, CameraModel]:
+    """Looks at every input that is quickly looked at, so that a long run does not fail at its end; the cameras.
 
     Raises InputFileError where a file is missing or a camera file is wrong.
     """
@@ -86,7 +87,7 @@ def check_inputs(flight: Flight) -> None:
                     expected=f"what cameras.{camera.name}.{key} in {flight.path} names",
                     advice=f"{photos}; paths are relative to the flight file",
                 )
-    read_models(flight)
+    return read_models(flight)
 
 
 # --- track ---------------------------------------------------------------------------------------------------------
@@ -218,7 +219,7 @@ def run_solve(
     opener: Opener | None = None,
 ) -> RunSummary:
     """Adjusts the flight and writes everything that comes of it."""
-    check_inputs(flight)
+    models = check_inputs(flight)
     clock, ledger = _Clock(), Ledger(out)
     chosen = settings or solver_settings(flight)
     with clock.stage("read"):
@@ -233,7 +234,7 @@ def run_solve(
     with clock.stage("poses"):
         opened, measured = _measured(flight, opener or _opener(flight, progress))
     with clock.stage("solve"):
-        built = build_problem(flight, tracks, measured, read_models(flight))
+        built = build_problem(flight, tracks, measured, models)
         progress("solve", 0, 1)
         solution = solve(built.problem, chosen)
         progress("solve", 1, 1)
