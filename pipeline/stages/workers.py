@@ -37,6 +37,9 @@ def track_all(flight: Flight, names: Sequence[str], progress: Progress) -> Itera
         try:
             yield from _collect(running, reports, progress)
         finally:
+            if running:  # one camera failed: the others' work is not waited for, nor left to fail aloud
+                for process in multiprocessing.active_children():
+                    process.terminate()
             pool.shutdown(wait=False, cancel_futures=True)
 
 
