@@ -4,7 +4,8 @@ Callers check shapes; tests hold every function equal to its twin. Without numba
 are used. Compiled code is cached beside this file, so only the first call ever compiles.
 
 One frame at a time is linearised; then up to LANES frames are eliminated together, the innermost loop always running
-over frames that lie side by side in memory, which the compiler turns into vector instructions.
+over frames that lie side by side in memory, which the compiler turns into vector instructions. That width is no
+constant on purpose: unrolled loops take a minute to compile and are no faster.
 """
 
 # The arithmetic is spelt out in scalars and packed triangles: that is what makes it fast.
@@ -28,10 +29,10 @@ except ImportError:  # pragma: no cover - the extra is installed where the tests
         return lambda function: function
 
 
-LANES = 32
+LANES = 64
 _compiled = njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True)
 _inlined = njit(
-    cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True, inline="never"
+    cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True, inline="always"
 )
 NEAREST_COSINE = 0.05
 
@@ -41,10 +42,10 @@ def _turn(w, measured, turned, left):  # type: ignore[no-untyped-def]
     """exp(w) @ measured into `turned` (3, 3), and the left Jacobian of w into `left` (3, 3)."""
     x, y, z = w[0], w[1], w[2]
     square = x * x + y * y + z * z
-    if square < 1e-8:
-        s = 1.0 - square / 6.0
-        a = 0.5 - square / 24.0
-        b = 1.0 / 6.0 - square / 120.0
+    if square < 1e-2:
+        s = 1.0 + square * (-1 / 6 + square * (1 / 120 + square * (-1 / 5040 + square / 362880)))
+        a = 0.5 + square * (-1 / 24 + square * (1 / 720 + square * (-1 / 40320 + square / 3628800)))
+        b = 1 / 6 + square * (-1 / 120 + square * (1 / 5040 + square * (-1 / 362880 + square / 39916800)))
     else:
         angle = math.sqrt(square)
         s = math.sin(angle) / angle
@@ -142,35 +143,78 @@ def _spin(turned, measured, rate, spin):  # type: ignore[no-untyped-def]
 
 
 @_compiled
+def _negative_sums(out, rows):  # type: ignore[no-untyped-def]
+    """out (w,) = minus the sum of `rows` (n, w)."""
+    for lane in range(len(out)):
+        out[lane] = -rows[0, lane]
+    for n in range(1, len(rows)):
+        for lane in range(len(out)):
+            out[lane] -= rows[n, lane]
+
+
+@_compiled
+def _moments(m, pw, count, moment):  # type: ignore[no-untyped-def]
+    """moment[k] = sum of m u^k for k < `count`: up to three or five at once."""
+    if count <= 3:
+        s0 = s1 = s2 = 0.0
+        for lane in range(len(m)):
+            v = m[lane]
+            s0 += v
+            s1 += v * pw[1, lane]
+            s2 += v * pw[2, lane]
+        moment[0], moment[1], moment[2] = s0, s1, s2
+        return
+    s0 = s1 = s2 = s3 = s4 = 0.0
+    for lane in range(len(m)):
+        v = m[lane]
+        s0 += v
+        s1 += v * pw[1, lane]
+        s2 += v * pw[2, lane]
+        s3 += v * pw[3, lane]
+        s4 += v * pw[4, lane]
+    moment[0], moment[1], moment[2], moment[3], moment[4] = s0, s1, s2, s3, s4
+    for k in range(5, count):
+        s0 = 0.0
+        for lane in range(len(m)):
+            s0 += m[lane] * pw[k, lane]
+        moment[k] = s0
+
+
+@_compiled
 def block_normals(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
-    series, bias, focal, own, begin, camera, time_u, half_s, keep,
+    series, bias, focal, own, begin, camera, time_u, half_s, keep, kept,
 ):  # fmt: skip
     """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
 
-    With `keep` also what `kept_steps` needs of every frame (F, 6 nz + 27): W = L^-1 E, L^-1 h, the factor L of H
-    below its diagonal, and the inverse of its diagonal.
+    With `keep` also what `kept_steps` needs of every frame, into `kept` (F, 6 nz + 27): W = L^-1 E, L^-1 h, the factor
+    L of H below its diagonal, and the inverse of its diagonal.
     """
     n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
     nx = 3 * n_targets
     nq = 9 if has_rate else 8
     nz = nx + nq
-    nk = max(2 * powers - 1, 3)
+    nk = max(2 * powers - 1, 5)
     first_q = nx * powers
     size = first_q + 11
-    kept = np.zeros((len(own) if keep else 0, 6 * nz + 27))
+    longest = 1
+    for b in range(n_blocks):
+        longest = max(longest, begin[b + 1] - begin[b])
+    width = min(LANES, 4 * ((longest + 3) // 4))
     normal = np.zeros((n_blocks, size, size))
     gradient = np.zeros((n_blocks, size))
-    DX = np.zeros((nx, 9, LANES))
-    DQ = np.zeros((9, 9, LANES))
-    gz = np.zeros((nz, LANES))
-    W = np.zeros((nz, 6, LANES))
-    wh = np.zeros((6, LANES))
-    H = np.zeros((6, 6, LANES))
-    inverse = np.zeros((6, LANES))
-    pw = np.ones((nk, LANES))
-    m = np.zeros(LANES)
-    own_q, own_g = np.zeros((9, 9)), np.zeros(9)
+    JQ = np.zeros((2 * n_targets, 9, width))
+    R = np.zeros((2 * n_targets, width))
+    DX = np.zeros((nx, 9, width))
+    DQ = np.zeros((9, 9, width))
+    gz = np.zeros((nz, width))
+    W = np.zeros((nz, 6, width))
+    wh = np.zeros((6, width))
+    H = np.zeros((6, 6, width))
+    inverse = np.zeros((6, width))
+    mine = np.zeros((6, width))
+    pw = np.zeros((nk, width))
+    m = np.zeros(width)
     Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(8)
     turned, left = np.zeros((3, 3)), np.zeros((3, 3))
     error, place, spin = np.zeros(6), np.zeros(3), np.zeros(3)
@@ -188,32 +232,36 @@ def block_normals(  # type: ignore[no-untyped-def]
         stretch = math.exp(focal[c])
         per_s = 1.0 / half_s[b]
         N, g = normal[b], gradient[b]
-        for low in range(begin[b], begin[b + 1], LANES):
-            lanes = min(LANES, begin[b + 1] - low)
-            # --- linearise frame by frame
+        for low in range(begin[b], begin[b + 1], width):
+            lanes = min(width, begin[b + 1] - low)
+            # --- linearise frame by frame; lanes without a frame are zero
+            if lanes < width:
+                JQ[:, :, lanes:] = 0.0
+                R[:, lanes:] = 0.0
+                pw[:, lanes:] = 0.0
+                mine[:, lanes:] = 0.0
             for lane in range(lanes):
                 f = low + lane
                 u = time_u[f]
+                pw[0, lane] = 1.0
                 for k in range(1, nk):
                     pw[k, lane] = pw[k - 1, lane] * u
                 for i in range(6):
-                    error[i] = bias[c, i] + spread[c, i] * own[f, i]
+                    own_i = own[f, i]
+                    mine[i, lane] = own_i
+                    cost += 0.5 * prior[c, i] * own_i * own_i
+                    error[i] = bias[c, i] + spread[c, i] * own_i
                 for i in range(3):
                     place[i] = position[f, i] + error[3 + i]
                 _turn(error, cam_from_enu[f], turned, left)
                 if has_rate:
                     _spin(turned, cam_from_enu[f], rate[f], spin)
-                for i in range(nq):
-                    own_g[i] = 0.0
-                    for j in range(i + 1):
-                        own_q[i, j] = 0.0
                 for n in range(n_targets):
-                    x = 3 * n
+                    x = 2 * n
                     if not seen[f, n]:
-                        for i in range(3):
-                            gz[x + i, lane] = 0.0
-                            for j in range(nq):
-                                DX[x + i, j, lane] = 0.0
+                        for i in range(nq):
+                            JQ[x, i, lane] = JQ[x + 1, i, lane] = 0.0
+                        R[x, lane] = R[x + 1, lane] = 0.0
                         continue
                     cost += _sight(
                         series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], angular, kind,
@@ -221,74 +269,97 @@ def block_normals(  # type: ignore[no-untyped-def]
                     )  # fmt: skip
                     if has_rate:
                         _pose_time(Q, Jx, r, spin, rate[f])
-                    r0, r1 = r[0], r[1]
+                    R[x, lane], R[x + 1, lane] = r[0], r[1]
                     for i in range(nq):
-                        q0, q1 = Q[0, i], Q[1, i]
-                        own_g[i] += q0 * r0 + q1 * r1
-                        for j in range(i + 1):
-                            own_q[i, j] += q0 * Q[0, j] + q1 * Q[1, j]
-                    for i in range(3):
-                        j0, j1 = Jx[0, i], Jx[1, i]
-                        gz[x + i, lane] = j0 * r0 + j1 * r1
-                        for j in range(nq):
-                            DX[x + i, j, lane] = j0 * Q[0, j] + j1 * Q[1, j]
-                for i in range(nq):
-                    gz[nx + i, lane] = own_g[i]
+                        JQ[x, i, lane], JQ[x + 1, i, lane] = Q[0, i], Q[1, i]
+            # --- their products, all lanes at once; the derivative by a target's place is minus that by the camera's
+            for n in range(n_targets):
+                x = 2 * n
+                for i in range(3):
+                    z = 3 * n + i
+                    for lane in range(width):
+                        gz[z, lane] = -(JQ[x, 3 + i, lane] * R[x, lane] + JQ[x + 1, 3 + i, lane] * R[x + 1, lane])
+                    for j in range(nq):
+                        if j < 3 or j > 5 or j - 3 <= i:
+                            for lane in range(width):
+                                DX[z, j, lane] = -(
+                                    JQ[x, 3 + i, lane] * JQ[x, j, lane] + JQ[x + 1, 3 + i, lane] * JQ[x + 1, j, lane]
+                                )
+                    for j in range(i):
+                        for lane in range(width):
+                            DX[3 * n + j, 3 + i, lane] = DX[z, 3 + j, lane]
+            for i in range(nq):
+                if 3 <= i < 6:
+                    _negative_sums(gz[nx + i], gz[i - 3 : nx : 3])
                     for j in range(i + 1):
-                        DQ[i, j, lane] = own_q[i, j]
-                for i in range(6):
-                    own_i = own[f, i]
-                    cost += 0.5 * prior[c, i] * own_i * own_i
+                        _negative_sums(DQ[i, j], DX[i - 3 :: 3, j])
+                    continue
+                for lane in range(width):
+                    gz[nx + i, lane] = JQ[0, i, lane] * R[0, lane]
+                for row in range(1, 2 * n_targets):
+                    for lane in range(width):
+                        gz[nx + i, lane] += JQ[row, i, lane] * R[row, lane]
+                for j in range(i + 1):
+                    if 3 <= j < 6:
+                        _negative_sums(DQ[i, j], DX[j - 3 :: 3, i])
+                        continue
+                    for lane in range(width):
+                        DQ[i, j, lane] = JQ[0, i, lane] * JQ[0, j, lane]
+                    for row in range(1, 2 * n_targets):
+                        for lane in range(width):
+                            DQ[i, j, lane] += JQ[row, i, lane] * JQ[row, j, lane]
             # --- eliminate the frames' own errors
+            if still and keep:
+                kept[low : low + lanes, 6 * nz + 6] = 0.0
             if not still:
                 for i in range(6):
                     si = spread[c, i]
                     for j in range(i + 1):
                         sij = si * spread[c, j]
-                        for lane in range(lanes):
+                        for lane in range(width):
                             H[i, j, lane] = DQ[i, j, lane] * sij
-                    for lane in range(lanes):
+                    for lane in range(width):
                         own_part = H[i, i, lane] * (1.0 + damping) + prior[c, i]
                         H[i, i, lane] = own_part if own_part > 0.0 else 1.0
-                        wh[i, lane] = gz[nx + i, lane] * si + prior[c, i] * own[low + lane, i]
+                        wh[i, lane] = gz[nx + i, lane] * si + prior[c, i] * mine[i, lane]
                 for i in range(6):
                     for j in range(i):
                         for k in range(j):
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 H[i, j, lane] -= H[i, k, lane] * H[j, k, lane]
-                        for lane in range(lanes):
+                        for lane in range(width):
                             H[i, j, lane] *= inverse[j, lane]
                     for k in range(i):
-                        for lane in range(lanes):
+                        for lane in range(width):
                             H[i, i, lane] -= H[i, k, lane] * H[i, k, lane]
-                    for lane in range(lanes):
+                    for lane in range(width):
                         inverse[i, lane] = 1.0 / math.sqrt(H[i, i, lane])
                 for i in range(6):
                     for k in range(i):
-                        for lane in range(lanes):
+                        for lane in range(width):
                             wh[i, lane] -= H[i, k, lane] * wh[k, lane]
-                    for lane in range(lanes):
+                    for lane in range(width):
                         wh[i, lane] *= inverse[i, lane]
                         frame_gain += 0.5 * wh[i, lane] * wh[i, lane]
                 for z in range(nz):
                     for i in range(6):
                         si = spread[c, i]
                         if z < nx:
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 W[z, i, lane] = DX[z, i, lane] * si
                         elif z - nx < i:
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 W[z, i, lane] = DQ[i, z - nx, lane] * si
                         else:
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 W[z, i, lane] = DQ[z - nx, i, lane] * si
                         for k in range(i):
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 W[z, i, lane] -= H[i, k, lane] * W[z, k, lane]
-                        for lane in range(lanes):
+                        for lane in range(width):
                             W[z, i, lane] *= inverse[i, lane]
                     for i in range(6):
-                        for lane in range(lanes):
+                        for lane in range(width):
                             gz[z, lane] -= W[z, i, lane] * wh[i, lane]
                 if keep:
                     for lane in range(lanes):
@@ -307,13 +378,13 @@ def block_normals(  # type: ignore[no-untyped-def]
                 if z < nx:
                     for k in range(powers):
                         s = 0.0
-                        for lane in range(lanes):
+                        for lane in range(width):
                             s += gz[z, lane] * pw[k, lane]
                         g[z * powers + k] += s
                 else:
                     for k in range(2 if z - nx >= 7 else 1):
                         s = 0.0
-                        for lane in range(lanes):
+                        for lane in range(width):
                             s += gz[z, lane] * pw[k, lane]
                         g[q_place[z - nx] + k] += s
                 for y in range(z + 1):
@@ -322,22 +393,22 @@ def block_normals(  # type: ignore[no-untyped-def]
                         if still and not same:
                             continue
                         if same:
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 m[lane] = -DX[z, 3 + y % 3, lane]
                         else:
-                            for lane in range(lanes):
+                            for lane in range(width):
                                 m[lane] = 0.0
                         count = 2 * powers - 1
                     elif y < nx:
-                        for lane in range(lanes):
+                        for lane in range(width):
                             m[lane] = DX[y, z - nx, lane]
                         count = powers + (1 if z - nx >= 7 else 0)
                     else:
-                        for lane in range(lanes):
+                        for lane in range(width):
                             m[lane] = DQ[z - nx, y - nx, lane]
                         count = 1 + (1 if z - nx >= 7 else 0) + (1 if y - nx >= 7 else 0)
                     if not still:
-                        for lane in range(lanes):
+                        for lane in range(width):
                             m[lane] -= (
                                 W[z, 0, lane] * W[y, 0, lane]
                                 + W[z, 1, lane] * W[y, 1, lane]
@@ -346,11 +417,7 @@ def block_normals(  # type: ignore[no-untyped-def]
                                 + W[z, 4, lane] * W[y, 4, lane]
                                 + W[z, 5, lane] * W[y, 5, lane]
                             )
-                    for k in range(count):
-                        s = 0.0
-                        for lane in range(lanes):
-                            s += m[lane] * pw[k, lane]
-                        moment[k] = s
+                    _moments(m, pw, count, moment)
                     if z < nx:
                         for i in range(powers):
                             for j in range(powers):
@@ -368,7 +435,7 @@ def block_normals(  # type: ignore[no-untyped-def]
         for i in range(size):
             for j in range(i):
                 N[j, i] = N[i, j]
-    return normal, gradient, cost, frame_gain, kept
+    return normal, gradient, cost, frame_gain
 
 
 @_compiled
@@ -591,7 +658,8 @@ def warm() -> None:
         eye, f((1, 3)), f((1, 6)), False, ray, gain, seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
         f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)), begin, i, f(1), np.ones(1),
     )  # fmt: skip
-    normal, gradient, _, _, kept = block_normals(*given, True)
+    kept = f((1, 6 * 11 + 27))
+    normal, gradient, _, _ = block_normals(*given, True, kept)
     frame_steps(*given, gradient)
     kept_steps(kept, seen, False, begin, f(1), 1, gradient)
     places = np.full((1, 15), -1)

@@ -7,6 +7,7 @@ Block by block, local power series turn into coefficients and local columns into
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,15 +28,30 @@ class Linear:
 
     system  normal equations, gradient included, priors included
     cost    half the (robust) chi-square, priors included
+    found   the blocks and the point as they were eliminated, None: worked out when somebody asks
     """
 
+    model: Model
     state: State
-    blocks: Blocks
-    at: At
     system: Bordered
     cost: float
     frame_gain: float
-    kept: Floats | None
+    kept: Floats | None = None
+    found: tuple[Blocks, At] | None = None
+
+    @cached_property
+    def _where(self) -> tuple[Blocks, At]:
+        return self.found or blocks_at(self.model, self.state)
+
+    @property
+    def blocks(self) -> Blocks:
+        """The blocks at the state's clocks."""
+        return self._where[0]
+
+    @property
+    def at(self) -> At:
+        """The state as the elimination wants it."""
+        return self._where[1]
 
 
 def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[Blocks, At]:
@@ -58,8 +74,8 @@ def linear(model: Model, state: State) -> Linear:
     normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
     system, prior_cost = add_priors(model, state, assemble(model, blocks, normals))
     return Linear(
-        state=state, blocks=blocks, at=at, system=system, cost=normals.cost + prior_cost,
-        frame_gain=normals.frame_gain, kept=normals.kept,
+        model=model, state=state, system=system, cost=normals.cost + prior_cost, frame_gain=normals.frame_gain,
+        kept=normals.kept, found=(blocks, at),
     )  # fmt: skip
 
 

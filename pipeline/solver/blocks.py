@@ -59,7 +59,7 @@ def partition(
         for key in keys:
             change[1:] |= key[1:] != key[:-1]
         begin = np.concatenate([[0], np.flatnonzero(change), [frames.count]])
-    begin = _shortened(begin)
+    begin = shortened(begin)
     at = begin[:-1]
     half = basis.half_s[span[at]]
     return Blocks(
@@ -74,7 +74,7 @@ def partition(
     )
 
 
-def _shortened(begin: Ints) -> Ints:
+def shortened(begin: Ints) -> Ints:
     """The same cuts and further ones, so that no block is longer than LONGEST."""
     if np.diff(begin).max() <= LONGEST:
         return begin

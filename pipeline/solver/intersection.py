@@ -14,6 +14,7 @@ from calibration.arrays import Floats
 from pipeline.errors import GeometryError
 from pipeline.solver.assembly import linear, moved
 from pipeline.solver.bordered import factorise
+from pipeline.solver.dense import is_dense, motion_step
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames, metric, scaled_metric
 from pipeline.solver.model import Model, State
@@ -22,6 +23,7 @@ from pipeline.solver.timing import ROT, common_time_s
 RANK = 1e-12
 """Relative to its diagonal, the smallest pivot of a motion that counts as determined."""
 REWEIGHTED = 2
+SINGULAR = "the normal equations of the motion are singular"
 
 
 def held_poses(cameras: int) -> PoseError:
@@ -34,7 +36,8 @@ def intersect(model: Model, state: State) -> State:
 
     Raises GeometryError where the rays do not determine it.
     """
-    return _motion_step(model, metric(model.frames), state)
+    compiled = model.motion_free and is_dense(model)
+    return _motion_step(model, model.frames if compiled else metric(model.frames), state)
 
 
 def intersect_weighted(model: Model, state: State) -> State:
@@ -66,6 +69,10 @@ def distance_m(model: Model, state: State) -> Floats:
 
 def _motion_step(model: Model, frames: Frames, state: State) -> State:
     """One linear step of the motion alone with the linear residuals of `frames`."""
+    if model.motion_free and is_dense(model):
+        found, pivot = motion_step(model, state, frames, RANK)
+        _check_pivot(pivot)
+        return replace(state, coefficients=found)
     held = replace(model.priors, camera_free=np.zeros_like(model.priors.camera_free))
     alone = model.changed(
         frames=frames,
@@ -78,14 +85,23 @@ def _motion_step(model: Model, frames: Frames, state: State) -> State:
     here = linear(alone, state)
     diagonal = here.system.diagonal
     if not (diagonal > 0).all():
-        raise not_determined("some coefficients of the motion touch no sight ray")
+        _check_pivot(-1.0)
     scale = 1 / np.sqrt(diagonal)
     factor = factorise(here.system.scaled(scale).damped(np.full(len(scale), RANK)))
     if factor is None:
-        raise not_determined("the normal equations of the motion are singular")
-    if not factor.smallest_pivot() > 10 * RANK:
-        raise not_determined("the sight rays leave a direction of the motion free")
+        raise not_determined(SINGULAR)
+    _check_pivot(factor.smallest_pivot())
     return moved(alone, here, -scale * factor.solve(scale * here.system.gradient))
+
+
+def _check_pivot(pivot: float) -> None:
+    """Raises where the smallest squared pivot says that the rays do not determine the motion; -1: one was empty."""
+    if pivot < 0:
+        raise not_determined("some coefficients of the motion touch no sight ray")
+    if pivot == 0:
+        raise not_determined(SINGULAR)
+    if not pivot > 10 * RANK:
+        raise not_determined("the sight rays leave a direction of the motion free")
 
 
 def not_determined(seen: str) -> GeometryError:

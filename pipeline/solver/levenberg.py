@@ -13,7 +13,8 @@ import numpy as np
 
 from pipeline.records import SolveStatus
 from pipeline.solver.assembly import Linear, linear, moved
-from pipeline.solver.bordered import factorise
+from pipeline.solver.bordered import Bordered, factorise
+from pipeline.solver.dense import descend, is_dense
 from pipeline.solver.model import Model, State
 
 FIRST_DAMPING = 1e-4
@@ -53,6 +54,27 @@ class Descent:
 
 def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
     """Minimise from `start`, until a step takes less than the share `small` off the cost."""
+    if descent.renew is None and is_dense(model):
+        return _compiled(model, start, descent, small)
+    return levenberg_marquardt_plain(model, start, descent, small=small)
+
+
+def _compiled(model: Model, start: State, descent: Descent, small: float) -> Fit:
+    """The same path in one compiled call."""
+    status, iterations, state, corner, gradient, cost, gain, history = descend(
+        model, start, descent.max_iterations, small, FIRST_DAMPING
+    )
+    if descent.progress is not None:
+        for count, reached in enumerate(history, start=1):
+            descent.progress(count, float(reached))
+    empty = np.empty((1, 0)), np.empty((0, len(gradient)))
+    system = Bordered(band=empty[0], border=empty[1], corner=corner, gradient=gradient)
+    here = Linear(model=model, state=state, system=system, cost=cost, frame_gain=gain)
+    return Fit(model=model, linear=here, status=status, iterations=iterations)
+
+
+def levenberg_marquardt_plain(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
+    """The loop itself, for every model; see `levenberg_marquardt`."""
     renew, progress, max_iterations = descent.renew, descent.progress, descent.max_iterations
     if renew is not None:
         model = renew(model, start)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
-from pipeline.solver import _kernels, li
+from pipeline.solver import dense, li
 from pipeline.solver import map as statistical
 from pipeline.solver.assembly import linear
 from pipeline.solver.beginning import candidates
@@ -67,7 +67,7 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     method = METHODS[settings.method]
     starts = candidates(problem, settings)
     asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
-    _kernels.warm()
+    dense.warm()
     began = time.perf_counter()
     found = method(asked)
     seconds = time.perf_counter() - began

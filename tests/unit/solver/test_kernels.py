@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.records import SolverSettings
-from pipeline.solver import _kernels, solve
+from pipeline.solver import _kernels, dense, solve
 from pipeline.solver.assembly import assemble, assemble_plain, blocks_at
 from pipeline.solver.elimination import (
     block_normals,
@@ -72,7 +72,7 @@ def _both(model, state):
 
 def test_warming_up_loads_the_signatures_in_use():
     """A solve after `warm` must find everything compiled, or its seconds would count the compiler's."""
-    _kernels.warm()
+    dense.warm()
     before = [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)]
     model, state = rich_model(("polynomial", "spline"), pose_rate=False)
     _both(model, state)

@@ -1,0 +1,76 @@
+"""The compiled descent against the plain loop: the same path, the same end, the same linear system there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.errors import GeometryError
+from pipeline.records import SolverSettings
+from pipeline.solver import _kernels, dense, intersection, levenberg
+from pipeline.solver.layout import metric, pack
+from pipeline.solver.levenberg import Descent, levenberg_marquardt, levenberg_marquardt_plain
+from pipeline.solver.start import first_camera, first_choice, first_model
+from pipeline.synthetic.scenes import paper_scene
+from pipeline.synthetic.simulate import PAPER_LOW, simulate
+
+pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
+METHODS = ["map", "algorithm-1", "algorithm-2"]
+
+
+def begun(method, robust="none"):
+    problem, _ = simulate(paper_scene(order=2, targets=2), noise=PAPER_LOW, seed=3)
+    settings = SolverSettings(method=method, robust=robust)
+    frames = pack(problem) if method == "map" else metric(pack(problem))
+    model, state = first_model(problem, settings, frames, first_choice(problem), first_camera(problem, {}, {}))
+    return model, state
+
+
+@pytest.mark.parametrize(("method", "robust"), [(m, "none") for m in METHODS] + [("map", "huber"), ("map", "cauchy")])
+def test_the_same_path(method, robust):
+    model, state = begun(method, robust)
+    start = intersection.intersect(model, state)
+    assert dense.is_dense(model)
+    costs: list[float] = []
+    given = Descent(max_iterations=12, progress=lambda _, cost: costs.append(cost))
+    fast = levenberg_marquardt(model, start, given)
+    plain = levenberg_marquardt_plain(model, start, replace(given, progress=None))
+    assert (fast.status, fast.iterations) == (plain.status, plain.iterations)
+    assert fast.cost == pytest.approx(plain.cost, rel=1e-9)
+    assert costs[-1] == pytest.approx(fast.cost, rel=1e-9)
+    for name in ("coefficients", "camera", "own"):
+        np.testing.assert_allclose(getattr(fast.state, name), getattr(plain.state, name), rtol=1e-6, atol=1e-6)
+    wanted = plain.linear.system
+    np.testing.assert_allclose(fast.linear.system.corner, wanted.corner, atol=1e-6 * np.abs(wanted.corner).max())
+
+
+def test_the_first_motion_is_the_same(monkeypatch):
+    model, state = begun("map")
+    fast = intersection.intersect(model, state)
+    monkeypatch.setattr(intersection, "is_dense", lambda _: False)
+    plain = intersection.intersect(model, state)
+    np.testing.assert_allclose(fast.coefficients, plain.coefficients, rtol=1e-8)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_an_undetermined_motion_is_refused_either_way(monkeypatch, compiled):
+    model, state = begun("map")
+    seen = model.frames.seen.copy()
+    seen[:, 1] = False
+    blind = replace(model, frames=replace(model.frames, seen=seen, gain=model.frames.gain * seen[..., None, None]))
+    if not compiled:
+        monkeypatch.setattr(intersection, "is_dense", lambda _: False)
+    with pytest.raises(GeometryError, match="touch no sight ray"):
+        intersection.intersect(blind, state)
+
+
+def test_warming_up_compiles_what_a_descent_uses():
+    dense.warm()
+    from pipeline.solver import _descent
+
+    before = len(_descent.descend.signatures)
+    model, state = begun("map")
+    levenberg.levenberg_marquardt(model, intersection.intersect(model, state))
+    assert len(_descent.descend.signatures) == before
