@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline
 
 from calibration.arrays import Floats
 from pipeline.export.cells import utc_texts
-from pipeline.records import Bias, Clock, Motion, Results, Solution
+from pipeline.records import Bias, Clock, Motion, Redundancy, Results, Solution
 
 FORMAT = 1
 """Of solution.json; grows when a reader of the old one would be misled."""
@@ -98,12 +98,14 @@ def _document(results: Results) -> dict[str, Any]:
         "cost": s.cost,
         "chi_square": s.chi_square,
         "degrees_of_freedom": s.degrees_of_freedom,
+        "unit_weight": _unit_weight(s),
         "observations": len(s.sightings.frame),
         "frame": _frame(results),
         "clocks": [_clock(c) for c in s.clocks],
         "biases": [_bias(b) for b in s.biases],
         "motions": [_motion(m, s) for m in s.motions],
         "shared": _shared(s),
+        "redundancies": [_redundancy(r) for r in s.redundancies],
         "offset_candidates": [
             {"offset_s": c.offset_s, "frame_rate": c.frame_rate, "cost": c.cost} for c in s.offset_candidates
         ],
@@ -125,6 +127,29 @@ def _frame(results: Results) -> dict[str, Any]:
         "axes": "local east, north, up in metres on WGS84",
         "origin": place,
         "utc_at_common_time_0": None if utc is None else utc_texts(utc, np.zeros(1))[0],
+    }
+
+
+def _unit_weight(solution: Solution) -> dict[str, Any] | None:
+    """The chi-square test: `interval_95` is where the factor falls in 95 of 100 flights whose sigmas are true."""
+    test = solution.unit_weight
+    if test is None:
+        return None
+    return {
+        "variance_factor": short(np.array(test.variance_factor)),
+        "interval_95": short(np.array([test.low, test.high])),
+        "p_value": short(np.array(test.p_value)),
+        "passed": test.passed,
+    }
+
+
+def _redundancy(of: Redundancy) -> dict[str, Any]:
+    """How much of a camera's or target's sightings is left over to check them with, and what it says."""
+    return {
+        of.kind: of.subject,
+        "equations": of.equations,
+        "redundancy": short(np.array(of.redundancy)),
+        "chi_square": short(np.array(of.chi_square)),
     }
 
 

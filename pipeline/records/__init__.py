@@ -14,9 +14,11 @@ from pipeline.records.solution import (
     Clock,
     Finding,
     OffsetCandidate,
+    Redundancy,
     Sightings,
     Solution,
     SolveStatus,
+    UnitWeight,
 )
 from pipeline.records.tracks import LOST, REACQUIRED, STATE_NAMES, TRACKED, Box, ImageTrack
 from pipeline.records.truth import Truth
@@ -38,6 +40,7 @@ __all__ = [
     "OffsetCandidate",
     "PoseTrack",
     "Problem",
+    "Redundancy",
     "Results",
     "SightRays",
     "Sightings",
@@ -47,4 +50,5 @@ __all__ = [
     "TargetInput",
     "Trajectory",
     "Truth",
+    "UnitWeight",
 ]

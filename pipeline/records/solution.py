@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from scipy.stats import chi2
 
 from calibration.arrays import Floats, Ints, frozen, settle
 from pipeline.records.motion import Motion
@@ -130,6 +131,42 @@ class OffsetCandidate:
     frame_rate: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Redundancy:
+    """What is left over of one camera's or one target's sightings to check them with.
+
+    equations   two a sighting
+    redundancy  equations less what they spend on unknowns; what `chi_square` is on average if all sigmas are true
+    chi_square  its sum of squared residuals in sigmas
+    """
+
+    kind: Literal["camera", "target"]
+    subject: str
+    equations: int
+    redundancy: float
+    chi_square: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitWeight:
+    """The two-sided chi-square test of unit weight: are residuals as large as their sigmas promise?
+
+    variance_factor  chi-square over degrees of freedom
+    low, high        between which it falls in 95 of 100 flights whose sigmas are true
+    p_value          of a factor at least as far from one
+    """
+
+    variance_factor: float
+    low: float
+    high: float
+    p_value: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is between them."""
+        return self.low <= self.variance_factor <= self.high
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """The adjusted flight.
@@ -138,6 +175,7 @@ class Solution:
     chi_square, degrees_of_freedom  without the robust loss' reweighting of outliers; priors count as observations
     shared_names     names of the shared parameters ("uav2.offset_s", "uav2.frame_rate", ...)
     shared_covariance (s, s) of them; `shared_covariance_robust` is the cluster-robust (sandwich) version
+    redundancies     of every camera, then of every target; empty where no covariance was determined
     motions_robust   the same motions with the sandwich covariance in place of the plain one
     seconds          of the numerical solve alone (kernels warm), never written to a file
     settings         in force, as plain values
@@ -161,8 +199,24 @@ class Solution:
     shared_covariance: Floats | None = None
     shared_covariance_robust: Floats | None = None
     motions_robust: tuple[Motion, ...] = ()
+    redundancies: tuple[Redundancy, ...] = ()
     seconds: float = 0.0
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def unit_weight(self) -> UnitWeight | None:
+        """The test of unit weight; None where nothing is left over or residuals have no sigma (the paper's methods)."""
+        if self.method != "map" or self.degrees_of_freedom < 1:
+            return None
+        free = self.degrees_of_freedom
+        low, high = (float(chi2.ppf(share, free)) / free for share in (0.025, 0.975))
+        tails = chi2.cdf(self.chi_square, free), chi2.sf(self.chi_square, free)
+        return UnitWeight(
+            variance_factor=self.chi_square / free,
+            low=low,
+            high=high,
+            p_value=float(min(1.0, 2 * min(tails))),
+        )
 
     def clock(self, camera: str) -> Clock:
         """The clock of one camera."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.records import Results
+from pipeline.records import Results, Solution
 from pipeline.report.blocks import table
 from pipeline.report.markup import Html, joined, tag
 
@@ -34,8 +34,18 @@ def _method(results: Results) -> Html:
         ("cost", f"{s.cost:.6g}"),
         ("chi-square", f"{s.chi_square:.6g}"),
         ("degrees of freedom", str(s.degrees_of_freedom)),
+        ("test of unit weight", _unit_weight(s)),
     ]
     return table(("solver", ""), rows, caption="How the solver ended", words=2)
+
+
+def _unit_weight(solution: Solution) -> str:
+    """The chi-square test in words."""
+    test = solution.unit_weight
+    if test is None:
+        return "not made: nothing is left over, or residuals have no sigma"
+    between = f"{test.low:.3f} to {test.high:.3f} in 95 of 100 flights whose sigmas are true"
+    return f"{'passed' if test.passed else 'failed'}: variance factor {test.variance_factor:.3f}, {between}"
 
 
 def _flat(prefix: str, value: Any) -> list[tuple[str, str]]:

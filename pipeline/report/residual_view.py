@@ -35,7 +35,24 @@ def residual_figures(results: Results) -> Html:
         "Poses that are corrected frame by frame take up a part of every residual: the histogram then rightly lies to "
         "the left of the curve. Chi-square per degree of freedom allows for that."
     )
-    return joined(whole_table, absorbed, legend, *(_camera(results, c) for c in cast.cameras(results)))
+    return joined(
+        whole_table, absorbed, _redundancies(results), legend, *(_camera(results, c) for c in cast.cameras(results))
+    )
+
+
+def _redundancies(results: Results) -> Html:
+    """What is left over to check each camera and target with, and what it says."""
+    rows = [
+        (r.subject, r.kind, whole(r.equations), rounded(r.redundancy, 4), fixed(r.chi_square / r.redundancy, 2))
+        for r in results.solution.redundancies
+        if r.redundancy > 0
+    ]
+    if not rows:
+        return Html("")
+    head = ("of", "", "equations", "redundancy", "chi-square over redundancy")
+    return table(
+        head, rows, caption="Redundancy of each camera and target (the last column is one on average)", words=2
+    )
 
 
 def _camera_table(results: Results) -> Html:

@@ -17,9 +17,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from calibration.arrays import Floats
 from pipeline.errors import GeometryError
 from pipeline.records import CameraInput, Clock, Finding, Problem, SolverSettings
-from pipeline.solver.findings_clocks import OffsetKnowledge, carried, offset_knowledge
+from pipeline.solver.findings_clocks import OffsetKnowledge, carried, offset_knowledge, solved_offset_knowledge
 from pipeline.solver.findings_rays import (
     Bundle,
     are_parallel,
@@ -37,16 +38,23 @@ TIMED = ("li", "algorithm-1", "algorithm-2", "map")
 
 
 def find_degeneracies(
-    problem: Problem, settings: SolverSettings, *, clocks: Sequence[Clock] = (), orders: Mapping[str, int] | None = None
+    problem: Problem,
+    settings: SolverSettings,
+    *,
+    clocks: Sequence[Clock] = (),
+    orders: Mapping[str, int] | None = None,
+    seen: Mapping[str, View] | None = None,
+    shared: tuple[Sequence[str], Floats] | None = None,
 ) -> tuple[Finding, ...]:
     """What the sightings of `problem` leave open, and what decides it instead.
 
     Without `clocks` only what needs no common time is looked at: do so before solving, to refuse early. With the
-    solved `clocks`, and the `orders` that motions of order "auto" were given, everything is.
+    solved `clocks`, and the `orders` that motions of order "auto" were given, everything is. `seen` is
+    `views(problem)` where it is at hand; `shared` the names and the covariance of the parameters that `map` solved.
 
     Raises GeometryError where nothing decides.
     """
-    seen = views(problem)
+    seen = views(problem) if seen is None else seen
     degree = _orders(problem, orders)
     _enough_equations(problem, settings, degree)
     timed = settings.method in TIMED and len(problem.cameras) > 1
@@ -54,13 +62,15 @@ def find_degeneracies(
         setting_order(problem, seen)
     times = _times(problem, settings, clocks)
     findings = list(_gauge(problem)) if timed else []
-    for target in degree:
-        findings += _target(problem, settings, seen, times, target, degree[target])
+    bundles = {target: _bundle(seen, times, target) for target in degree}
+    for target, bundle in bundles.items():
+        if bundle is not None and settings.method != "triangulation":
+            _distance_known(seen, bundle, target, degree[target])
     if timed and times.keys() == seen.keys():
-        findings += _plane(problem, settings, seen, times, degree)
+        findings += _plane(problem, settings, [b for b in bundles.values() if b is not None], degree)
     findings += _camera_line(problem, settings, seen)
     if timed and clocks:
-        findings += _offsets(problem, settings, seen, times, degree)
+        findings += _offsets(problem, settings, seen, times, degree, shared)
     return tuple(findings)
 
 
@@ -131,32 +141,29 @@ def _enough_equations(problem: Problem, settings: SolverSettings, degree: Mappin
         )
 
 
-def _target(
-    problem: Problem,
-    settings: SolverSettings,
-    seen: Mapping[str, View],
-    times: Mapping[str, tuple[float, float]],
-    target: str,
-    order: int | None,
-) -> tuple[Finding, ...]:
-    """Raises GeometryError where a target can slide along its rays."""
-    watching = [name for name, view in seen.items() if target in view.tracks]
-    if not watching or settings.method == "triangulation":
-        return ()
+def _bundle(seen: Mapping[str, View], times: Mapping[str, tuple[float, float]], target: str) -> Bundle | None:
+    """The rays of a target at common times; None where nobody sees it or a clock that matters is not known."""
+    watching = _watching(seen, target)
     if len(watching) == 1:
-        bundle = bundle_of([seen[watching[0]]], [(0.0, 1.0)], target)
-    elif all(name in times for name in watching):
-        bundle = bundle_of([seen[n] for n in watching], [times[n] for n in watching], target)
-        _overlapping(target, watching, bundle, order)
-    else:
-        return ()
+        return bundle_of([seen[watching[0]]], [(0.0, 1.0)], target)
+    if watching and all(name in times for name in watching):
+        return bundle_of([seen[n] for n in watching], [times[n] for n in watching], target)
+    return None
+
+
+def _watching(seen: Mapping[str, View], target: str) -> list[str]:
+    return [name for name, view in seen.items() if target in view.tracks]
+
+
+def _distance_known(seen: Mapping[str, View], bundle: Bundle, target: str, order: int | None) -> None:
+    """Raises GeometryError where a target can slide along its rays."""
+    watching = _watching(seen, target)
     if order is None:
         if len(watching) == 1:
             raise _refused(target, watching, f"only {watching[0]} sees it, and its motion is free (a spline)")
-        return ()
-    if slides_along_rays(bundle, order):
+        _overlapping(target, watching, bundle)
+    elif slides_along_rays(bundle, order):
         raise _refused(target, watching, _why_it_slides(bundle, order, watching))
-    return ()
 
 
 def _why_it_slides(bundle: Bundle, order: int, watching: Sequence[str]) -> str:
@@ -179,10 +186,8 @@ def _refused(target: str, watching: Sequence[str], seen: str) -> GeometryError:
     )
 
 
-def _overlapping(target: str, watching: Sequence[str], bundle: Bundle, order: int | None) -> None:
+def _overlapping(target: str, watching: Sequence[str], bundle: Bundle) -> None:
     """A free motion needs two cameras at one time. Raises GeometryError."""
-    if order is not None:
-        return
     spans = [
         (float(bundle.time_s[bundle.camera == i].min()), float(bundle.time_s[bundle.camera == i].max()))
         for i in np.unique(bundle.camera)
@@ -198,15 +203,9 @@ def _overlapping(target: str, watching: Sequence[str], bundle: Bundle, order: in
 
 
 def _plane(
-    problem: Problem,
-    settings: SolverSettings,
-    seen: Mapping[str, View],
-    times: Mapping[str, tuple[float, float]],
-    degree: Mapping[str, int | None],
+    problem: Problem, settings: SolverSettings, bundles: Sequence[Bundle], degree: Mapping[str, int | None]
 ) -> tuple[Finding, ...]:
     """Coplanar rays leave offset and frame rate open together (paper section 2.3)."""
-    names = list(seen)
-    bundles = [bundle_of([seen[n] for n in names], [times[n] for n in names], t) for t in degree if _seen(seen, t)]
     if not bundles or not all(lie_in_one_plane(b) for b in bundles):
         return ()
     found = []
@@ -237,10 +236,6 @@ def _plane(
     return tuple(found)
 
 
-def _seen(seen: Mapping[str, View], target: str) -> bool:
-    return any(target in view.tracks for view in seen.values())
-
-
 def _camera_line(problem: Problem, settings: SolverSettings, seen: Mapping[str, View]) -> tuple[Finding, ...]:
     """Cameras on one line, two still ones above all: everything may turn about it."""
     free = settings.method == "algorithm-2" or (
@@ -266,20 +261,19 @@ def _offsets(
     seen: Mapping[str, View],
     times: Mapping[str, tuple[float, float]],
     degree: Mapping[str, int | None],
+    shared: tuple[Sequence[str], Floats] | None,
 ) -> list[Finding]:
     """What each offset rests on. Raises GeometryError where it rests on nothing."""
     names = [c.camera for c in problem.cameras]
     if any(not seen[n].tracks for n in names):
         return []
-    free = {t: k for t, k in degree.items() if k is not None}
-    known = offset_knowledge(
-        problem.cameras,
-        [seen[n] for n in names],
-        [times[n] for n in names],
-        free if len(free) == len(degree) else None,
-        settings,
-        problem.reference_camera,
-    )
+    looking, clocks = [seen[n] for n in names], [times[n] for n in names]
+    if shared is not None and settings.method == "map":
+        known = solved_offset_knowledge(problem.cameras, looking, clocks, *shared)
+    else:
+        free = {t: k for t, k in degree.items() if k is not None}
+        orders = free if len(free) == len(degree) else None
+        known = offset_knowledge(problem.cameras, looking, clocks, orders, settings, problem.reference_camera)
     found: list[Finding] = []
     for one in known:
         first, last = seen[one.camera].span_s

@@ -2,8 +2,13 @@
 
     N = J'J (sightings, motions eliminated),   P = priors of frame rates, offsets, attitudes and positions
 
-An offset whose sigma under (N + P)^-1 grows more than threefold when one kind of prior is made ten times wider is
-carried by that prior and not by the sightings; one that stays unknown with all priors is carried by nothing.
+After `map` the covariance C = (N + P)^-1 is there already, and a prior P_k of kind k made ten times wider changes it by
+
+    (N + P - w P_k)^-1 = C + C_k (P_k^-1 / w - C_kk)^-1 C_k',   w = 1 - 1/100
+
+with C_k the columns of that kind: exact, whatever the motions are. Before a covariance is known, N is taken from the
+rays at the clocks in question. An offset whose sigma grows more than threefold when one kind of prior is made ten times
+wider is carried by that prior and not by the sightings; one that stays unknown with all priors is carried by nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Floats, Ints
 from pipeline.records import CameraInput, Finding, SolverSettings
 from pipeline.solver.search_adjust import polynomial_information
 from pipeline.solver.search_crossing import crossing_information
@@ -89,6 +94,64 @@ def offset_knowledge(
         for i, camera in enumerate(cameras)
         if free[8 * i]
     )
+
+
+def solved_offset_knowledge(
+    cameras: Sequence[CameraInput],
+    views: Sequence[View],
+    clocks: Sequence[tuple[float, float]],
+    names: Sequence[str],
+    covariance: Floats,
+) -> tuple[OffsetKnowledge, ...]:
+    """What carries each offset that `map` has freed, from the covariance (s, s) of its shared parameters `names`.
+
+    `clocks` are offset and stretch of each camera.
+    """
+    place = {name: i for i, name in enumerate(names)}
+    parts = _prior_places(cameras, [stretch for _, stretch in clocks], place)
+    out = []
+    for camera, view, (_, stretch) in zip(cameras, views, clocks, strict=True):
+        if f"{camera.camera}.offset_s" not in place:
+            continue
+        row = np.zeros(len(names))
+        row[place[f"{camera.camera}.offset_s"]] = 1.0
+        if f"{camera.camera}.frame_rate" in place:  # t = stretch tau + offset, stretch = nominal / rate
+            row[place[f"{camera.camera}.frame_rate"]] = -0.5 * sum(view.span_s) * stretch**2 / camera.frame_rate
+        full = float(np.sqrt(row @ covariance @ row))
+        growth = {kind: _widened(covariance, row, at, sigma) / max(full, 1e-12) for kind, (at, sigma) in parts.items()}
+        out.append(OffsetKnowledge(camera=camera.camera, sigma_s=full, growth=growth))
+    return tuple(out)
+
+
+def _prior_places(
+    cameras: Sequence[CameraInput], stretches: Sequence[float], place: Mapping[str, int]
+) -> dict[str, tuple[Ints, Floats]]:
+    """Places among the shared parameters, and prior sigmas there in their units, of each kind of prior."""
+    found: dict[str, list[tuple[int, float]]] = {kind: [] for kind in WORDS}
+    for camera, stretch in zip(cameras, stretches, strict=True):
+        sigma, name = camera.sigma, camera.camera
+        told: dict[str, tuple[tuple[str, ...], float]] = {
+            "rate": (("frame_rate",), sigma.frame_rate * camera.frame_rate / stretch**2),
+            "attitude": (tuple(f"rotation_bias_{a}_rad" for a in "xyz"), sigma.attitude_bias_rad),
+            "position": (tuple(f"position_bias_{a}_m" for a in ("east", "north", "up")), sigma.position_bias_m),
+        }
+        if camera.offset_s is not None and sigma.offset_s is not None:
+            told["offset"] = (("offset_s",), sigma.offset_s)
+        for kind, (keys, value) in told.items():
+            found[kind] += [(place[f"{name}.{key}"], value) for key in keys if f"{name}.{key}" in place]
+    return {
+        kind: (np.array([at for at, _ in rows], dtype=np.int64), np.array([value for _, value in rows]))
+        for kind, rows in found.items()
+    }
+
+
+def _widened(covariance: Floats, row: Floats, at: Ints, sigma: Floats) -> float:
+    """Sigma of `row` @ parameters where the priors at places `at`, of these sigmas, are ten times wider."""
+    scaled = (row @ covariance)[at] / sigma
+    room = np.eye(len(at)) / 0.99 - covariance[np.ix_(at, at)] / np.outer(sigma, sigma)
+    value, vector = np.linalg.eigh(room)
+    more = ((vector.T @ scaled) ** 2 / np.maximum(value, 1 / 0.99 - 1)).sum()
+    return float(np.sqrt(row @ covariance @ row + more))
 
 
 def carried(known: OffsetKnowledge) -> tuple[Finding, ...]:

@@ -23,6 +23,10 @@ from pipeline.solver.search_views import Track, View, thinned
 
 MOST = 400
 """Rays of one camera that are looked at."""
+ROUNDS = 8
+"""Weightings by the polynomial's own length that are tried."""
+SLACK = 1e-6
+"""Share of a lower bound that rounding may take."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +55,7 @@ class Bundle:
 def bundle_of(views: Sequence[View], clocks: Sequence[tuple[float, float]], target: str) -> Bundle:
     """The rays of `target` from all `views` that see it, at common times by clocks of offset and stretch."""
     parts = [
-        (i, v, thinned(v.tracks[target], 0.0, MOST), *clock)
+        (i, v, _at_most(v.tracks[target]), *clock)
         for i, (v, clock) in enumerate(zip(views, clocks, strict=True))
         if target in v.tracks
     ]
@@ -64,6 +68,10 @@ def bundle_of(views: Sequence[View], clocks: Sequence[tuple[float, float]], targ
         shift_m=max(float(np.hypot(v.shift_m, v.shift_noise_m)) for _, v, _, _, _ in parts),
         camera=np.concatenate([np.full(len(t), float(i)) for i, _, t, _, _ in parts]),
     )
+
+
+def _at_most(track: Track) -> Track:
+    return track if len(track) <= MOST else thinned(track, 0.0, MOST)
 
 
 def _sigma(view: View, track: Track) -> Floats:
@@ -82,28 +90,45 @@ def by_chance(chi_square: float, degrees: int) -> bool:
 
 
 def slides_along_rays(bundle: Bundle, order: int) -> bool:
-    """Whether some polynomial of `order` lies along every ray: then the distance is anybody's guess."""
+    """Whether some polynomial of `order` lies along every ray: then the distance is anybody's guess.
+
+    The first eigenvalue bounds the sum from below: |u(t_i)|^2 is nowhere more than the greatest leverage times the sum
+    of all. Where that bound already is more than chance, no weighting needs to be tried.
+    """
     count = len(bundle.time_s)
     unknown = 3 * (order + 1)
+    degrees = max(2 * count - unknown + 1, 1)
     if 2 * count < unknown:
         return True
     middle, half = 0.5 * (bundle.time_s.min() + bundle.time_s.max()), max(0.5 * float(np.ptp(bundle.time_s)), 1e-9)
     powers = np.polynomial.legendre.legvander((bundle.time_s - middle) / half, order)
     across = np.eye(3) - bundle.ray[:, :, None] * bundle.ray[:, None, :]
-    length = np.ones(count)
+    design = (powers[:, None, :, None] * across[:, :, None, :]).reshape(count, 3, unknown)
+    least, a = _least_across(design / bundle.sigma_rad[:, None, None], powers)
+    leverage = float((np.linalg.qr(powers)[0] ** 2).sum(axis=1).max())
+    if not by_chance(least / leverage * (1 - SLACK), degrees):
+        return False
     best = np.inf
-    for _ in range(8):
-        weight = 1 / (bundle.sigma_rad * length) ** 2
-        normal = np.einsum("m,mk,ml,mij->kilj", weight, powers, powers, across).reshape(unknown, unknown)
-        size = np.kron(np.einsum("m,mk,ml->kl", weight * bundle.sigma_rad**2, powers, powers), np.eye(3))
-        root = np.linalg.cholesky(size + 1e-12 * np.trace(size) * np.eye(unknown))
-        inner = np.linalg.solve(root, np.linalg.solve(root, normal).T)
-        a = np.linalg.solve(root.T, np.linalg.eigh(0.5 * (inner + inner.T))[1][:, 0]).reshape(order + 1, 3)
-        u = powers @ a
+    for _ in range(ROUNDS):
+        u = powers @ a.reshape(order + 1, 3)
         length = np.maximum(np.linalg.norm(u, axis=1), 0.02 * np.sqrt((u**2).sum(1).mean()))
-        off = (across @ u[:, :, None])[:, :, 0]
+        off = design @ a
         best = min(best, float(((off**2).sum(1) / (bundle.sigma_rad * length) ** 2).sum()))
-    return by_chance(best, max(2 * count - unknown + 1, 1))
+        if by_chance(best, degrees):
+            return True
+        _, a = _least_across(design / (bundle.sigma_rad * length)[:, None, None], powers / length[:, None])
+    return False
+
+
+def _least_across(design: Floats, powers: Floats) -> tuple[float, Floats]:
+    """Least sum of squares of `design` (m, 3, 3 (K + 1)) @ a over that of the polynomial u itself, and that a."""
+    unknown = design.shape[2]
+    flat = design.reshape(-1, unknown)
+    size = np.kron(powers.T @ powers, np.eye(3))
+    root = np.linalg.cholesky(size + 1e-12 * np.trace(size) * np.eye(unknown))
+    inner = np.linalg.solve(root, np.linalg.solve(root, flat.T @ flat).T)
+    value, vector = np.linalg.eigh(0.5 * (inner + inner.T))
+    return float(value[0]), np.linalg.solve(root.T, vector[:, 0])
 
 
 def are_parallel(bundle: Bundle) -> bool:

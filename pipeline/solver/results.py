@@ -16,6 +16,7 @@ from pipeline.records import (
     OffsetCandidate,
     PoseTrack,
     Problem,
+    Redundancy,
     Sightings,
     Solution,
     SolverSettings,
@@ -25,6 +26,7 @@ from pipeline.solver.covariance import Covariance, motion_band
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.motion_basis import motion_of
+from pipeline.solver.redundancy import redundancies
 from pipeline.solver.timing import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
 
 NAMES = (
@@ -66,7 +68,8 @@ def solution_of(problem: Problem, settings: SolverSettings, found: Outcome, seco
     """The record."""
     model, state = found.model, found.state
     time = common_time_s(model.frames, model.drift, state.camera, state.deviation)
-    sightings, square, observations = _sightings(found, time)
+    sightings, squares, observations = _sightings(found, time)
+    square = float(squares.sum())
     names, shared = _shared(problem, model, state, found.plain)
     _, shared_robust = _shared(problem, model, state, found.robust)
     return Solution(
@@ -87,10 +90,18 @@ def solution_of(problem: Problem, settings: SolverSettings, found: Outcome, seco
         shared_names=names,
         shared_covariance=shared,
         shared_covariance_robust=shared_robust,
+        redundancies=_redundancies(settings, found, squares),
         motions_robust=() if found.robust is None else _motions(model, state, found.robust, time),
         seconds=seconds,
         settings=asdict(settings),
     )
+
+
+def _redundancies(settings: SolverSettings, found: Outcome, square: Floats) -> tuple[Redundancy, ...]:
+    """Only `map` weighs sightings and priors by their sigmas."""
+    if found.plain is None or settings.method != "map":
+        return ()
+    return redundancies(found.model, found.state, found.plain, square)
 
 
 def _sigma(covariance: Covariance | None, place: Ints) -> Floats:
@@ -161,11 +172,11 @@ def _bias(problem: Problem, model: Model, state: State, covariance: Covariance |
     )
 
 
-def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, int]:
-    """The table of sightings, the sum of squared residuals in sigmas, and how many sightings there are."""
+def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, Floats, int]:
+    """The table of sightings, squared residuals (F, N) in sigmas, and how many sightings there are."""
     model, state, frames = found.model, found.state, found.observed
     position = model.basis.position(time, state.coefficients)
-    residual = np.concatenate([residuals_of(frames, frames.of(c), model, state) for c in range(len(frames.cameras))])
+    residual = residuals_of(frames, slice(None), model, state)
     f, n = np.nonzero(frames.seen)
     sigmas = np.linalg.norm(residual[f, n], axis=-1)
     pixel = frames.sigma_px
@@ -180,7 +191,9 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, float, int]:
         weight=model.loss.weight(sigmas**2),
         position_enu_m=position[f, n],
     )
-    return table, float((sigmas**2).sum()), len(f)
+    square = np.zeros(frames.seen.shape)
+    square[f, n] = sigmas**2
+    return table, square, len(f)
 
 
 def _prior_square(model: Model, state: State) -> float:

@@ -32,6 +32,7 @@ from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_m
 from pipeline.solver.model import Model, State
 from pipeline.solver.moving_poses import renewing
 from pipeline.solver.results import Outcome, solution_of
+from pipeline.solver.search_views import views
 from pipeline.solver.start import FIRST_ORDER, first_camera, first_choice, first_model, given_offsets
 from pipeline.solver.triangulation import triangulate
 
@@ -62,7 +63,8 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     Raises GeometryError where the sightings cannot determine the answer; what a prior decides is a finding. Not
     converging is a status, not an error.
     """
-    find_degeneracies(problem, settings)
+    seen = views(problem)
+    find_degeneracies(problem, settings, seen=seen)
     frames = pack(problem)
     method = METHODS[settings.method]
     starts = candidates(problem, settings)
@@ -73,7 +75,9 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     seconds = time.perf_counter() - began
     solution = solution_of(problem, settings, found(), seconds)
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
-    left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders)
+    covariance = solution.shared_covariance
+    shared = None if covariance is None else (solution.shared_names, covariance)
+    left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared)
     return replace(solution, findings=(*solution.findings, *left_open))
 
 
