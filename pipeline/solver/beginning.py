@@ -12,7 +12,7 @@ from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.elimination import HUBER, NONE, Loss
 from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
-from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
+from pipeline.solver.levenberg import SMALL, Descent, Fit, levenberg_marquardt
 from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.search import search_offsets
 from pipeline.solver.start import MotionChoice, first_camera, first_model, given_offsets
@@ -102,7 +102,7 @@ def statistical_start(
     return model, intersect(model, state)
 
 
-def graduated(model: Model, state: State, descent: Descent) -> Fit:
+def graduated(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:
     """Levenberg-Marquardt from far: the robust loss bends late at first, so that errors of the start are no outliers.
 
     Each stage bends at `FAR` times the median residual that it finds, until that is nearly the loss' own bend.
@@ -115,7 +115,8 @@ def graduated(model: Model, state: State, descent: Descent) -> Fit:
         eased = replace(model, loss=Loss(kind=HUBER, bend=bend))
         fit = levenberg_marquardt(eased, state, replace(descent, max_iterations=SHORT), small=COARSE)
         model, state, done = replace(fit.model, loss=wanted), fit.state, done + fit.iterations
-    fit = levenberg_marquardt(model, state, replace(descent, max_iterations=max(1, descent.max_iterations - done)))
+    left = replace(descent, max_iterations=max(1, descent.max_iterations - done))
+    fit = levenberg_marquardt(model, state, left, small=small)
     return replace(fit, iterations=fit.iterations + done)
 
 
