@@ -29,9 +29,9 @@ from pipeline.solver.strength import renewed_jerk, renewed_walk, with_strengths
 
 ROUNDS, SETTLED = 4, 0.05
 """Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
-WARM, ROUGHLY = 1e-9, 1e-5
-"""Damping of an adjustment that begins near its optimum, and the relative change of the cost that ends one whose
-optimum is still going to move."""
+WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
+"""Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
+still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,10 +63,11 @@ def adjust(
     choice, fit, reasons = choose_orders(
         problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, descent)
     )
-    fit = with_estimated_priors(fit, descent)
+    fit = with_estimated_priors(fit, descent, rounds=1)
     fit, clocks = with_drifting_clocks(problem, fit, descent)
+    fit = with_estimated_priors(fit, descent)
     if has_estimated_priors(fit):
-        fit = continued(fit, replace(descent, damping=WARM))
+        fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
     return Adjusted(fit=fit, findings=(*ambiguous, *reasons, *clocks), candidates=ranked)
 
 
@@ -81,11 +82,11 @@ def has_estimated_priors(fit: Fit) -> bool:
     return fit.model.drift.count > 0 or any(t.kind != "polynomial" for t in fit.model.basis.targets)
 
 
-def with_estimated_priors(fit: Fit, descent: Descent) -> Fit:
+def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> Fit:
     """Rounds of estimating how strong the priors of splines and drifting clocks are, and of roughly adjusting."""
     if not has_estimated_priors(fit):
         return fit
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         factor = factorise(fit.linear.system)
         if factor is None:
             return fit
@@ -108,8 +109,7 @@ def with_drifting_clocks(problem: Problem, fit: Fit, descent: Descent) -> tuple[
         return fit, reasons
     model, state = with_drift(fit.model, fit.state, cameras)
     roughly = levenberg_marquardt(model, state, replace(descent, damping=WARM), small=ROUGHLY)
-    again = with_estimated_priors(roughly, descent)
-    return replace(again, iterations=fit.iterations + again.iterations), reasons
+    return replace(roughly, iterations=fit.iterations + roughly.iterations), reasons
 
 
 def outcome(found: Adjusted) -> Outcome:
