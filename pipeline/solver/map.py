@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
-from pipeline.solver.beginning import best_start, graduated, residuals, statistical_start
+from pipeline.solver.beginning import best_start, cleared, left_out, residuals, statistical_start
 from pipeline.solver.bordered import factorise
 from pipeline.solver.clusters import clusters
 from pipeline.solver.covariance import Inverse, sandwich
@@ -55,7 +55,7 @@ def adjust(
 
     def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
         model, state = statistical_start(problem, settings, frames, choice, candidate)
-        return graduated(model, state, replace(descent, max_iterations=iterations), small)
+        return cleared(model, state, replace(descent, max_iterations=iterations), small)
 
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
     if fit.status == "iteration-limit" and len(found) > 1:
@@ -68,7 +68,9 @@ def adjust(
     fit = with_estimated_priors(fit, descent)
     if has_estimated_priors(fit):
         fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
-    return Adjusted(fit=fit, findings=(*ambiguous, *reasons, *clocks), candidates=ranked)
+    return Adjusted(
+        fit=fit, findings=(*ambiguous, *reasons, *clocks, *left_out(frames, fit.model.frames)), candidates=ranked
+    )
 
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
