@@ -128,12 +128,13 @@ def cleared(model: Model, state: State, descent: Descent, small: float = SMALL) 
     Where one camera alone sees a target, intersection draws it into the camera, and what is behind cannot come out
     again. Such sightings are left out at first, and come back once the motion without them passes before the camera.
     """
-    hidden = too_near(model, state)
-    if not hidden.any() or all(t.kind == "polynomial" for t in model.basis.targets):
+    if all(t.kind == "polynomial" for t in model.basis.targets):
         return graduated(model, state, descent, small)
-    whole = model.frames
-    model = model.changed(frames=without(whole, whole, hidden))
-    fit = graduated(model, intersect_weighted(model, state), descent, small)
+    whole, hidden = model.frames, too_near(model, state)
+    if hidden.any():
+        model = model.changed(frames=without(whole, whole, hidden))
+        state = intersect_weighted(model, state)
+    fit = graduated(model, state, descent, small)
     for _ in range(READMITTED):
         seen = fit.model.changed(frames=without(fit.model.frames, whole, np.zeros_like(hidden)))
         again = too_near(seen, fit.state)
