@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.elimination import HUBER, NONE, Loss
 from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
-from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
+from pipeline.solver.levenberg import SMALL, Descent, Fit, levenberg_marquardt
 from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.search import search_offsets
 from pipeline.solver.start import MotionChoice, first_camera, first_model, given_offsets
@@ -26,6 +26,8 @@ STAGES, SHORT, COARSE, FAR = 4, 8, 1e-2, 2.5
 """Of a graduated loss: stages and iterations of each at most, what ends one, median residuals at which it bends."""
 MARGIN, SAME_S = 0.3, 0.1
 """Share by which the search's cost may be worse for a candidate to be tried; clocks nearer than this are the same."""
+NEAREST, READMITTED = 0.1, 4
+"""Share of a camera's median depth below which a start has no business, and how often sightings may come back."""
 CLEARLY_WORSE = 10.0
 """Cost (half chi-square) by which the next best offsets must be worse not to be called ambiguous."""
 
@@ -102,7 +104,7 @@ def statistical_start(
     return model, intersect(model, state)
 
 
-def graduated(model: Model, state: State, descent: Descent) -> Fit:
+def graduated(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:
     """Levenberg-Marquardt from far: the robust loss bends late at first, so that errors of the start are no outliers.
 
     Each stage bends at `FAR` times the median residual that it finds, until that is nearly the loss' own bend.
@@ -115,8 +117,75 @@ def graduated(model: Model, state: State, descent: Descent) -> Fit:
         eased = replace(model, loss=Loss(kind=HUBER, bend=bend))
         fit = levenberg_marquardt(eased, state, replace(descent, max_iterations=SHORT), small=COARSE)
         model, state, done = replace(fit.model, loss=wanted), fit.state, done + fit.iterations
-    fit = levenberg_marquardt(model, state, replace(descent, max_iterations=max(1, descent.max_iterations - done)))
+    left = replace(descent, max_iterations=max(1, descent.max_iterations - done))
+    fit = levenberg_marquardt(model, state, left, small=small)
     return replace(fit, iterations=fit.iterations + done)
+
+
+def cleared(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:
+    """`graduated`, where the start puts splines behind a camera or into it.
+
+    Where one camera alone sees a target, intersection draws it into the camera, and what is behind cannot come out
+    again. Such sightings are left out at first, and come back once the motion without them passes before the camera.
+    """
+    if all(t.kind == "polynomial" for t in model.basis.targets):
+        return graduated(model, state, descent, small)
+    whole, hidden = model.frames, too_near(model, state)
+    if hidden.any():
+        model = model.changed(frames=without(whole, whole, hidden))
+        state = intersect_weighted(model, state)
+    fit = graduated(model, state, descent, small)
+    for _ in range(READMITTED):
+        seen = fit.model.changed(frames=without(fit.model.frames, whole, np.zeros_like(hidden)))
+        again = too_near(seen, fit.state)
+        if (again == hidden).all():
+            break
+        hidden = again
+        model = fit.model.changed(frames=without(fit.model.frames, whole, hidden))
+        more = levenberg_marquardt(model, fit.state, descent, small=small)
+        fit = replace(more, iterations=fit.iterations + more.iterations)
+    return fit
+
+
+def too_near(model: Model, state: State) -> Bools:
+    """(F, N) sightings whose target is behind their camera, or in it."""
+    frames = model.frames
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)
+    away = model.basis.position(time, state.coefficients) - frames.position_m[:, None]
+    depth = np.einsum("fni,fij,fnj->fn", frames.ray, frames.cam_from_enu, away, optimize=True)
+    out = np.zeros(frames.seen.shape, dtype=bool)
+    for c in range(len(frames.cameras)):
+        own = depth[frames.of(c)]
+        usual = float(np.median(own[frames.seen[frames.of(c)]])) if frames.seen[frames.of(c)].any() else 0.0
+        out[frames.of(c)] = own < NEAREST * max(usual, 0.0)
+    return out & frames.seen
+
+
+def without(frames: Frames, whole: Frames, hidden: Bools) -> Frames:
+    """The frames with the sightings of `whole` but those `hidden` (F, N)."""
+    shown = whole.seen & ~hidden
+    return replace(
+        frames, seen=shown, gain=whole.gain * shown[..., None, None],
+        sigma_px=np.where(shown, whole.sigma_px, np.nan), place_gain=np.where(shown, whole.place_gain, 0.0),
+    )  # fmt: skip
+
+
+def left_out(whole: Frames, frames: Frames) -> tuple[Finding, ...]:
+    """A finding for every camera of whose sightings some were never used."""
+    out = []
+    for c, name in enumerate(frames.cameras):
+        part = frames.of(c)
+        count = int((whole.seen[part] & ~frames.seen[part]).sum())
+        if count:
+            out.append(
+                Finding(
+                    kind="left-out",
+                    subject=name,
+                    words=f"{count} sightings of {name} are left out: no other camera sees the target then, and its "
+                    f"motion before and after would pass behind {name} or through it",
+                )
+            )
+    return tuple(out)
 
 
 def residual_lengths(model: Model, state: State) -> Floats:

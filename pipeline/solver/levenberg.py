@@ -45,9 +45,13 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class Descent:
-    """How to go downhill: at most so many iterations, whom to tell, and what renews the model's data after a step."""
+    """How to go downhill: at most so many iterations, whom to tell, and what renews the model's data after a step.
+
+    damping  to begin with; small where the start is near the optimum, since it only fades by a third a step
+    """
 
     max_iterations: int = 100
+    damping: float = FIRST_DAMPING
     progress: Progress | None = None
     renew: Callable[[Model, State], Model] | None = None
 
@@ -79,7 +83,7 @@ def levenberg_marquardt_plain(model: Model, start: State, descent: Descent = Des
     if renew is not None:
         model = renew(model, start)
     here = linear(model, start)
-    damping, growth = FIRST_DAMPING, 2.0
+    damping, growth = descent.damping, 2.0
     for iteration in range(1, max_iterations + 1):
         diagonal = np.maximum(here.system.diagonal, 1e-12 * max(1e-300, float(here.system.diagonal.max(initial=0))))
         factor = factorise(here.system.damped(damping * diagonal))

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
-from pipeline.solver.beginning import best_start, graduated, residuals, statistical_start
+from pipeline.solver.beginning import best_start, cleared, left_out, residuals, statistical_start
 from pipeline.solver.bordered import factorise
 from pipeline.solver.clusters import clusters
 from pipeline.solver.covariance import Inverse, sandwich
 from pipeline.solver.drifting import drifting, with_drift
 from pipeline.solver.layout import Frames
-from pipeline.solver.levenberg import Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.moving_poses import renewing
 from pipeline.solver.orders import choose_orders
 from pipeline.solver.results import Outcome
@@ -29,6 +29,9 @@ from pipeline.solver.strength import renewed_jerk, renewed_walk, with_strengths
 
 ROUNDS, SETTLED = 4, 0.05
 """Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
+WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
+"""Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
+still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,10 +51,11 @@ def adjust(
     renew = renewing(problem) if any(c.poses_at is not None for c in problem.cameras) else None
     descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renew)
     choice = first_choice(problem)
+    small = ROUGHLY if "spline" in choice.kinds else SMALL
 
     def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
         model, state = statistical_start(problem, settings, frames, choice, candidate)
-        return graduated(model, state, replace(descent, max_iterations=iterations))
+        return cleared(model, state, replace(descent, max_iterations=iterations), small)
 
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
     if fit.status == "iteration-limit" and len(found) > 1:
@@ -59,22 +63,32 @@ def adjust(
     choice, fit, reasons = choose_orders(
         problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, descent)
     )
-    fit = with_estimated_priors(fit, descent)
+    fit = with_estimated_priors(fit, descent, rounds=1)
     fit, clocks = with_drifting_clocks(problem, fit, descent)
-    return Adjusted(fit=fit, findings=(*ambiguous, *reasons, *clocks), candidates=ranked)
+    fit = with_estimated_priors(fit, descent)
+    if has_estimated_priors(fit):
+        fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
+    return Adjusted(
+        fit=fit, findings=(*ambiguous, *reasons, *clocks, *left_out(frames, fit.model.frames)), candidates=ranked
+    )
 
 
-def continued(fit: Fit, descent: Descent) -> Fit:
+def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
     """More iterations from where a fit ended."""
-    again = levenberg_marquardt(fit.model, fit.state, descent)
+    again = levenberg_marquardt(fit.model, fit.state, descent, small=small)
     return replace(again, iterations=fit.iterations + again.iterations)
 
 
-def with_estimated_priors(fit: Fit, descent: Descent) -> Fit:
-    """Rounds of estimating how strong the priors of splines and drifting clocks are, and of adjusting with that."""
-    if not fit.model.drift.count and all(t.kind == "polynomial" for t in fit.model.basis.targets):
+def has_estimated_priors(fit: Fit) -> bool:
+    """Whether there are splines or drifting clocks, whose priors' strengths the data say."""
+    return fit.model.drift.count > 0 or any(t.kind != "polynomial" for t in fit.model.basis.targets)
+
+
+def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> Fit:
+    """Rounds of estimating how strong the priors of splines and drifting clocks are, and of roughly adjusting."""
+    if not has_estimated_priors(fit):
         return fit
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         factor = factorise(fit.linear.system)
         if factor is None:
             return fit
@@ -82,7 +96,8 @@ def with_estimated_priors(fit: Fit, descent: Descent) -> Fit:
         jerk = renewed_jerk(fit.model, fit.state, covariance)
         walk = renewed_walk(fit.model, fit.state, covariance)
         before = np.concatenate([fit.model.priors.jerk.ravel(), fit.model.priors.drift_rate])
-        fit = continued(replace(fit, model=with_strengths(fit.model, jerk, walk)), descent)
+        stronger = replace(fit, model=with_strengths(fit.model, jerk, walk))
+        fit = continued(stronger, replace(descent, damping=WARM), small=ROUGHLY)
         change = np.abs(np.concatenate([jerk.ravel(), walk]) - before) / np.maximum(before, 1e-12)
         if np.median(change) < SETTLED:
             break
@@ -95,8 +110,8 @@ def with_drifting_clocks(problem: Problem, fit: Fit, descent: Descent) -> tuple[
     if not cameras:
         return fit, reasons
     model, state = with_drift(fit.model, fit.state, cameras)
-    again = with_estimated_priors(levenberg_marquardt(model, state, descent), descent)
-    return replace(again, iterations=fit.iterations + again.iterations), reasons
+    roughly = levenberg_marquardt(model, state, replace(descent, damping=WARM), small=ROUGHLY)
+    return replace(roughly, iterations=fit.iterations + roughly.iterations), reasons
 
 
 def outcome(found: Adjusted) -> Outcome:

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations, groupby, pairwise
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats, Ints
 from pipeline.geometry.rotation import exp, matrix
-from pipeline.solver.search_sweep import CAP, ClockRange, bounded, cross
+from pipeline.solver.search_sweep import CAP, ClockRange, bounded, cross, inner
 from pipeline.solver.search_views import Track, View, thinned
 
 LONELY = 0.75 * CAP**2 / 2
@@ -62,34 +63,64 @@ class Fit:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Pair:
-    """Sightings `track` of camera `b` held against `partner` of camera `a` (places in the camera list)."""
+class _Sightings:
+    """All sightings that are compared, m of them, those with the same partner track one after another.
 
-    a: int
-    b: int
-    track: Track
-    partner: Track
+    camera_a, camera_b  (m,) places in the camera list: each sighting of b is held against a ray of a
+    pairs      places (a, b) and rows of every pair of cameras; partners: a's tracks and their rows
+    time_s, centre_m, ray, axes  as in `Track`
+    noise_a, noise_b, shift      (m,) variances: what a's attitude and b's direction are worth (rad^2), centres (m^2)
+    """
+
+    camera_a: Ints
+    camera_b: Ints
+    pairs: tuple[tuple[int, int, slice], ...]
+    partners: tuple[tuple[Track, slice], ...]
+    time_s: Floats
+    centre_m: Floats
+    ray: Floats
+    axes: Floats
+    noise_a: Floats
+    noise_b: Floats
+    shift: Floats
 
 
-def pairs_of(views: Sequence[View], effort: float = 1.0) -> list[_Pair]:
+def sightings_of(views: Sequence[View], effort: float = 1.0) -> _Sightings | None:
     """Every pair of cameras with a common target; the one with fewer sightings is held against the other."""
-    pairs = []
     each = int(effort * max(SAMPLES // max(len(views) * (len(views) - 1) // 2, 4), 120))
-    for i, first in enumerate(views):
-        for j in range(i + 1, len(views)):
-            shared = [t for t in first.tracks if t in views[j].tracks]
-            for target in shared:
-                a, b = (i, j) if len(first.tracks[target]) >= len(views[j].tracks[target]) else (j, i)
-                most = max(each // len(shared), 40)
-                pairs.append(
-                    _Pair(
-                        a=a,
-                        b=b,
-                        track=thinned(views[b].tracks[target], 0.1, most),
-                        partner=views[a].tracks[target],
-                    )
-                )
-    return pairs
+    found = []
+    for i, j in combinations(range(len(views)), 2):
+        shared = [t for t in views[i].tracks if t in views[j].tracks]
+        for target in shared:
+            a, b = (i, j) if len(views[i].tracks[target]) >= len(views[j].tracks[target]) else (j, i)
+            found.append((a, target, b, thinned(views[b].tracks[target], 0.1, max(each // len(shared), 40))))
+    found.sort(key=lambda pair: pair[:3])
+    return _stacked(views, found) if found else None
+
+
+def _stacked(views: Sequence[View], found: Sequence[tuple[int, str, int, Track]]) -> _Sightings:
+    """The tracks of b of all pairs (a, target, b, track) one after another."""
+    ends = np.cumsum([0] + [len(track) for *_, track in found])
+    rows = [slice(int(low), int(high)) for low, high in pairwise(ends)]
+    a, b = (np.repeat([pair[k] for pair in found], np.diff(ends)) for k in (0, 2))
+    tilt, shift = (np.array([getattr(v, name) ** 2 for v in views]) for name in ("tilt_noise_rad", "shift_noise_m"))
+    partners = []
+    for (i, target), group in groupby(zip(found, rows, strict=True), key=lambda item: item[0][:2]):
+        own = [row for _, row in group]
+        partners.append((views[i].tracks[target], slice(own[0].start, own[-1].stop)))
+    return _Sightings(
+        camera_a=a,
+        camera_b=b,
+        pairs=tuple((pair[0], pair[2], row) for pair, row in zip(found, rows, strict=True)),
+        partners=tuple(partners),
+        time_s=np.concatenate([track.time_s for *_, track in found]),
+        centre_m=np.concatenate([track.centre_m for *_, track in found]),
+        ray=np.concatenate([track.ray for *_, track in found]),
+        axes=np.concatenate([track.axes for *_, track in found]),
+        noise_a=tilt[a],
+        noise_b=np.concatenate([track.pixel_rad for *_, track in found]) ** 2 + tilt[b],
+        shift=shift[a] + shift[b],
+    )
 
 
 def polish(
@@ -102,20 +133,20 @@ def polish(
 
     `effort` is the share of the sightings that is used.
     """
-    pairs = pairs_of(views, effort)
+    sightings = sightings_of(views, effort)
     state = _State(
         clock=np.array(clocks, float), tilt=np.zeros((len(views), 3)), shift=np.zeros((len(views), 3)), views=views
     )
     start = _starting_scale(views)
     for i in range(ROUNDS):
         scale = max(start * 0.5**i, 1.0)
-        step = _step(state, pairs, priors, scale)
+        step = _step(state, sightings, priors, scale)
         if step is None:
             break
         state = state.moved(step)
         if scale == 1.0 and np.abs(step[:, 0]).max() < 1e-4:
             break
-    cost, overlap = _cost(state, pairs, priors)
+    cost, overlap = _cost(state, sightings, priors)
     names = [v.camera for v in views]
     return Fit(
         clock={n: (float(c[0]), float(c[1])) for n, c in zip(names, state.clock, strict=True)},
@@ -157,57 +188,66 @@ def _starting_scale(views: Sequence[View]) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Residuals:
-    """Of one pair: rows (m,) that have partners, residual in sigmas, its Jacobian with respect to 8 unknowns each."""
+    """Residuals (m,) in sigmas, their Jacobian (m, 16) by 8 unknowns of a and of b, and which have partners (m,)."""
 
     residual: Floats
-    by_a: Floats
-    by_b: Floats
-    lonely: int
+    jacobian: Floats
+    paired: Bools
 
 
-def _residuals(state: _State, pair: _Pair) -> _Residuals:
-    va, vb = state.views[pair.a], state.views[pair.b]
-    (off_a, s_a), (off_b, s_b) = state.clock[pair.a], state.clock[pair.b]
-    time = s_b * pair.track.time_s + off_b
-    own = (time - off_a) / s_a
-    at = pair.partner.at(own)
-    use = at.holds
-    track, own = pair.track.taken(use), own[use]
-    axes_a = pair.partner.axes[at.near[use]]
-    ray_a, ray_b = _turned(at.ray[use], axes_a, state.tilt[pair.a]), _turned(track.ray, track.axes, state.tilt[pair.b])
-    base = track.centre_m + state.shift[pair.b] - at.centre_m[use] - state.shift[pair.a]
-    early, late = pair.partner.at(own - 0.1), pair.partner.at(own + 0.1)
-    ray_rate, centre_rate = (late.ray - early.ray) / 0.2, (late.centre_m - early.centre_m) / 0.2
+def _residuals(state: _State, sightings: _Sightings) -> _Residuals:
+    s, a, b = sightings, sightings.camera_a, sightings.camera_b
+    clock_a, clock_b = state.clock[a], state.clock[b]
+    own = (clock_b[:, 1] * s.time_s + clock_b[:, 0] - clock_a[:, 0]) / clock_a[:, 1]
+    packed, axes_a, pixel_a, paired = _partners(s, own)
+    turn = matrix(exp(state.tilt))
+    ray_a, ray_b = _turned(packed[:, 3:6], axes_a, turn[a]), _turned(s.ray, s.axes, turn[b])
+    base = s.centre_m + state.shift[b] - packed[:, :3] - state.shift[a]
     normal, by_ray_a, by_ray_b = cross(ray_a, ray_b), cross(ray_b, base), cross(base, ray_a)
     lever_a, lever_b = cross(ray_a, by_ray_a), cross(ray_b, by_ray_b)
-    noise_a = pair.partner.pixel_rad[at.near[use]] ** 2 + va.tilt_noise_rad**2
-    noise_b = track.pixel_rad**2 + vb.tilt_noise_rad**2
-    shift = va.shift_noise_m**2 + vb.shift_noise_m**2
-    variance = (lever_a**2).sum(1) * noise_a + (lever_b**2).sum(1) * noise_b + (normal**2).sum(1) * shift
-    sigma = np.sqrt(variance + 1e-30)
-    by_own = (by_ray_a * ray_rate).sum(1) - (normal * centre_rate).sum(1)
-    by_time = by_own / s_a
-    mid_a, mid_b = 0.5 * sum(va.span_s), 0.5 * sum(vb.span_s)
-    tilt_a, tilt_b = (np.einsum("mij,mi->mj", r, v) for r, v in ((axes_a, lever_a), (track.axes, lever_b)))
-    by_a = np.column_stack([-by_time, -by_time * (own - mid_a), tilt_a, -normal])
-    by_b = np.column_stack([by_time, by_time * (track.time_s - mid_b), tilt_b, normal])
-    return _Residuals(
-        residual=(base * normal).sum(1) / sigma,
-        by_a=by_a / sigma[:, None],
-        by_b=by_b / sigma[:, None],
-        lonely=int((~use).sum()),
-    )
+    variance = inner(lever_a, lever_a) * (pixel_a**2 + s.noise_a) + inner(lever_b, lever_b) * s.noise_b
+    sigma = np.sqrt(variance + inner(normal, normal) * s.shift + 1e-30)
+    by_own = inner(by_ray_a, packed[:, 9:]) - inner(normal, packed[:, 6:9])
+    by_time = (by_own / clock_a[:, 1])[:, None]
+    middle = np.array([0.5 * sum(v.span_s) for v in state.views])
+    jacobian = np.empty((len(a), 16))
+    for first, time, axes, lever, sign in (
+        (0, own - middle[a], axes_a, lever_a, -1.0),
+        (8, s.time_s - middle[b], s.axes, lever_b, 1.0),
+    ):
+        jacobian[:, first : first + 1] = sign * by_time
+        jacobian[:, first + 1 : first + 2] = sign * by_time * time[:, None]
+        jacobian[:, first + 2 : first + 5] = np.einsum("mij,mi->mj", axes, lever)
+        jacobian[:, first + 5 : first + 8] = sign * normal
+    jacobian *= (paired / sigma)[:, None]
+    return _Residuals(residual=np.where(paired, inner(base, normal) / sigma, 0.0), jacobian=jacobian, paired=paired)
 
 
-def _turned(ray: Floats, axes: Floats, tilt_rad: Floats) -> Floats:
-    """Rays turned by a small rotation given in camera axes."""
-    in_camera = np.einsum("mij,mi->mj", axes, ray) @ matrix(exp(tilt_rad)).T
-    return np.asarray(np.einsum("mij,mj->mi", axes, in_camera))
+def _partners(s: _Sightings, own_s: Floats) -> tuple[Floats, Floats, Floats, Bools]:
+    """`Track.packed` (m, 12), axes (m, 3, 3) and pixel sigma (m,) of the partners at their own video times (m,)."""
+    packed, axes = np.empty((len(own_s), 12)), np.empty((len(own_s), 3, 3))
+    pixel, paired = np.empty(len(own_s)), np.empty(len(own_s), dtype=bool)
+    for track, rows in s.partners:
+        place = track.between(own_s[rows])
+        share = place.share[:, None]
+        packed[rows] = (1 - share) * track.packed[place.left] + share * track.packed[place.right]
+        near = np.where(place.share < 0.5, place.left, place.right)
+        axes[rows], pixel[rows], paired[rows] = track.axes[near], track.pixel_rad[near], place.holds
+    packed[:, 3:6] /= np.sqrt(inner(packed[:, 3:6], packed[:, 3:6]))[:, None]
+    return packed, axes, pixel, paired
 
 
-def _step(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | None], scale: float) -> Floats | None:
+def _turned(ray: Floats, axes: Floats, turn: Floats) -> Floats:
+    """Rays (m, 3) turned by rotations (m, 3, 3) given in camera axes."""
+    in_camera = np.einsum("mij,mi->mj", axes, ray)
+    return np.asarray(np.einsum("mij,mj->mi", axes, np.einsum("mij,mj->mi", turn, in_camera)))
+
+
+def _step(
+    state: _State, sightings: _Sightings | None, priors: Sequence[ClockPrior | None], scale: float
+) -> Floats | None:
     """One Gauss-Newton step (c, 8), or None where nothing overlaps any more."""
-    normal, right, seen = _data(state, pairs, scale)
+    normal, right, seen = _data(state, sightings, scale)
     if seen == 0:
         return None
     _add_priors(state, priors, normal, right)
@@ -217,23 +257,23 @@ def _step(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | N
     return np.asarray(step * min(1.0, 1.0 / max(limit, 1e-12)))
 
 
-def _data(state: _State, pairs: Sequence[_Pair], scale: float) -> tuple[Floats, Floats, int]:
+def _data(state: _State, sightings: _Sightings | None, scale: float) -> tuple[Floats, Floats, int]:
     """Normal matrix (c, 8, c, 8) and right-hand side (c, 8) of the sightings alone, and how many of them count."""
     count = len(state.views)
     normal, right = np.zeros((count, 8, count, 8)), np.zeros((count, 8))
-    seen = 0
-    for pair in pairs:
-        r = _residuals(state, pair)
-        seen += len(r.residual)
-        if len(r.residual) == 0:
-            continue
-        weight = (1 / (1 + (r.residual / (scale * CAP)) ** 2)) ** 2 / scale**2
-        columns = ((pair.a, r.by_a), (pair.b, r.by_b))
-        for i, left in columns:
-            right[i] -= left.T @ (weight * r.residual)
-            for j, other in columns:
-                normal[i, :, j] += left.T @ (weight[:, None] * other)
-    return normal, right, seen
+    if sightings is None:
+        return normal, right, 0
+    r = _residuals(state, sightings)
+    weight = (1 / (1 + (r.residual / (scale * CAP)) ** 2)) ** 2 / scale**2
+    weighted = r.jacobian * weight[:, None]
+    for a, b, rows in sightings.pairs:
+        own = weighted[rows].T @ r.jacobian[rows]
+        pull = r.residual[rows] @ weighted[rows]
+        for i, left in ((a, slice(0, 8)), (b, slice(8, 16))):
+            right[i] -= pull[left]
+            for j, other in ((a, slice(0, 8)), (b, slice(8, 16))):
+                normal[i, :, j] += own[left, other]
+    return normal, right, int(r.paired.sum())
 
 
 def crossing_information(views: Sequence[View], clocks: Sequence[tuple[float, float]]) -> Floats:
@@ -241,7 +281,9 @@ def crossing_information(views: Sequence[View], clocks: Sequence[tuple[float, fl
     zero = np.zeros((len(views), 3))
     state = _State(clock=np.array(clocks, float), tilt=zero, shift=zero, views=views)
     size = 8 * len(views)
-    return _data(state, pairs_of(views), _starting_scale(views))[0].reshape(size, size) * _starting_scale(views) ** 2
+    return (
+        _data(state, sightings_of(views), _starting_scale(views))[0].reshape(size, size) * _starting_scale(views) ** 2
+    )
 
 
 def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floats, right: Floats) -> None:
@@ -297,12 +339,12 @@ def _wall(prior: ClockPrior) -> float:
     return max(0.02 * prior.allowed.stretch, 1e-7)
 
 
-def _cost(state: _State, pairs: Sequence[_Pair], priors: Sequence[ClockPrior | None]) -> tuple[float, float]:
+def _cost(state: _State, sightings: _Sightings | None, priors: Sequence[ClockPrior | None]) -> tuple[float, float]:
     total, lonely, paired = 0.0, 0, 0
-    for pair in pairs:
-        r = _residuals(state, pair)
-        total += float(bounded(r.residual).sum())
-        lonely, paired = lonely + r.lonely, paired + len(r.residual)
+    if sightings is not None:
+        r = _residuals(state, sightings)
+        total, paired = float(bounded(r.residual).sum()), int(r.paired.sum())
+        lonely = len(r.paired) - paired
     for i, (view, prior) in enumerate(zip(state.views, priors, strict=True)):
         total += 0.5 * float((state.tilt[i] ** 2).sum() / view.tilt_rad**2)
         total += 0.5 * float((state.shift[i] ** 2).sum() / view.shift_m**2)

@@ -66,20 +66,40 @@ def cross(a: Floats, b: Floats) -> Floats:
     return out
 
 
-def crossing_residual(
-    baseline_m: Floats, ray_a: Floats, ray_b: Floats, sigma_a: Floats, sigma_b: Floats, shift_m: float
-) -> Floats:
-    """e (...,) in sigmas of rays (..., 3) a distance `baseline_m` = C_b - C_a apart; inf where they meet behind."""
-    normal = cross(ray_a, ray_b)
-    to_a, to_b = cross(baseline_m, ray_a), cross(baseline_m, ray_b)
-    squared = (normal**2).sum(-1)
-    lever_a = (to_b**2).sum(-1) - (to_b * ray_a).sum(-1) ** 2
-    lever_b = (to_a**2).sum(-1) - (to_a * ray_b).sum(-1) ** 2
-    variance = lever_a * sigma_a**2 + lever_b * sigma_b**2 + squared * shift_m**2
-    residual = (baseline_m * normal).sum(-1) / np.sqrt(variance + 1e-30)
-    clear = squared > 9 * (sigma_a**2 + sigma_b**2)
-    behind = clear & (((to_b * normal).sum(-1) < 0) | ((to_a * normal).sum(-1) < 0))
-    return np.where(behind, np.inf, residual)
+def inner(a: Floats, b: Floats) -> Floats:
+    """Inner products (n,) of vectors (n, 3)."""
+    return np.asarray(np.einsum("ni,ni->n", a, b))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rays:
+    """Rays (n, 3) from centres (n, 3) with the sigma of their directions (n,)."""
+
+    centre_m: Floats
+    ray: Floats
+    sigma_rad: Floats
+
+
+def crossing_residuals(a: Rays, b: Rays, shift_m: float) -> Floats:
+    """e (b, a) in sigmas of every ray of b with every ray of a; inf where they meet behind a camera.
+
+    With w the base line and c = a . b only inner products are needed, so that a table costs a few matrix products:
+    |a x b|^2 = 1 - c^2, a's lever is |a x (w x b)|^2 = w^2 c^2 - 2 c (w . a)(w . b) + (w . a)^2, and b's likewise.
+    """
+    moment_a, moment_b = cross(a.centre_m, a.ray), cross(b.ray, b.centre_m)
+    cosine = b.ray @ a.ray.T
+    triple = moment_b @ a.ray.T - b.ray @ moment_a.T
+    along_a = b.centre_m @ a.ray.T - inner(a.centre_m, a.ray)
+    along_b = inner(b.ray, b.centre_m)[:, None] - b.ray @ a.centre_m.T
+    base = inner(b.centre_m, b.centre_m)[:, None] + inner(a.centre_m, a.centre_m) - 2 * b.centre_m @ a.centre_m.T
+    apart = 1 - cosine**2
+    common = cosine * (cosine * base - 2 * along_a * along_b)
+    square_a, square_b = a.sigma_rad**2, b.sigma_rad[:, None] ** 2
+    variance = (common + along_a**2) * square_a + (common + along_b**2) * square_b + apart * shift_m**2
+    residual = triple / np.sqrt(np.maximum(variance, 1e-30))
+    behind = (along_a < cosine * along_b) | (cosine * along_a < along_b)
+    residual[behind & (apart > 9 * (square_a + square_b))] = np.inf
+    return np.asarray(residual)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,8 +158,8 @@ def _common_span(placed: Sequence[SetCamera], shared: Sequence[str]) -> tuple[fl
 
 def _loss_table(new: View, placed: Sequence[SetCamera], target: str, track: Track, grid: Floats) -> Floats:
     """Mean loss (m, k) of each sighting at each instant against the placed cameras that see the target then."""
-    total = np.zeros((len(track), len(grid)), np.float32)
-    count = np.zeros(len(grid), np.float32)
+    total = np.zeros((len(track), len(grid)))
+    count = np.zeros(len(grid))
     for other in placed:
         if target not in other.view.tracks:
             continue
@@ -149,19 +169,16 @@ def _loss_table(new: View, placed: Sequence[SetCamera], target: str, track: Trac
         if len(seen) == 0:
             continue
         count[seen] += 1
-        sigma_a = np.sqrt(partner.pixel_rad[at.near[seen]] ** 2 + other.view.tilt_rad**2 + other.view.tilt_noise_rad**2)
-        sigma_b = np.sqrt(track.pixel_rad**2 + new.tilt_rad**2 + new.tilt_noise_rad**2)
+        tilt = (other.view.tilt_rad**2 + other.view.tilt_noise_rad**2, new.tilt_rad**2 + new.tilt_noise_rad**2)
+        sigma_a = np.sqrt(partner.pixel_rad[at.near[seen]] ** 2 + tilt[0])
+        sigma_b = np.sqrt(track.pixel_rad**2 + tilt[1])
         shift = np.sqrt(sum(v.shift_m**2 + v.shift_noise_m**2 for v in (new, other.view)))
+        middle = at.centre_m[seen].mean(axis=0)
+        partners = Rays(centre_m=at.centre_m[seen] - middle, ray=at.ray[seen], sigma_rad=sigma_a)
         for m in range(0, len(track), 32):
             rows = slice(m, m + 32)
-            residual = crossing_residual(
-                track.centre_m[rows, None] - at.centre_m[None, seen],
-                np.broadcast_to(at.ray[None, seen], (len(track.ray[rows]), len(seen), 3)),
-                track.ray[rows, None],
-                sigma_a[None],
-                sigma_b[rows, None],
-                float(shift),
-            )
+            own = Rays(centre_m=track.centre_m[rows] - middle, ray=track.ray[rows], sigma_rad=sigma_b[rows])
+            residual = crossing_residuals(partners, own, float(shift))
             with np.errstate(invalid="ignore"):
                 lost = bounded(residual)
             total[rows, seen] += np.where(np.isfinite(residual), lost, CAP**2 / 2)
@@ -188,11 +205,11 @@ def _lines(
 def _shifted_sums(gain: Floats, lag: Ints, first: int, last: int) -> Floats:
     """Sum over m of gain[m, lag_m + s] for every s from `first` to `last`; zero outside of the table."""
     total = np.zeros(last - first + 1)
-    width = gain.shape[1]
-    for m, shift in enumerate(lag):
-        low, high = max(first + shift, 0), min(last + shift, width - 1)
-        if low <= high:
-            total[low - shift - first : high - shift - first + 1] += gain[m, low : high + 1]
+    low, high = np.maximum(first + lag, 0), np.minimum(last + lag, gain.shape[1] - 1) + 1
+    to, end = low - lag - first, high - lag - first
+    places = np.stack([np.arange(len(lag)), low, high, to, end], axis=1)[low < high]
+    for m, start, stop, place, after in places.tolist():
+        total[place:after] += gain[m, start:stop]
     return total
 
 

@@ -18,6 +18,8 @@ from pipeline.records import CameraInput, Problem
 
 GAP_S = 1.0
 """Rays are never interpolated across a longer hole than this (or three times the usual step)."""
+RATE_S = 0.1
+"""Over so long to each side the rate of a ray is taken: longer than the noise of labels, shorter than manoeuvres."""
 WINDOW = 9
 """Samples on which a label is held against its neighbours."""
 
@@ -29,6 +31,16 @@ class Interpolated:
     centre_m: Floats
     ray: Floats
     near: Ints
+    holds: Bools
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Between:
+    """Places (...,) between two rows of a track: how far from the left to the right one, and if that is supported."""
+
+    left: Ints
+    right: Ints
+    share: Floats
     holds: Bools
 
 
@@ -59,6 +71,13 @@ class Track:
         """The longest hole that may be interpolated across."""
         return max(GAP_S, 3 * float(np.median(np.diff(self.time_s))))
 
+    @cached_property
+    def packed(self) -> Floats:
+        """(n, 12): centre, ray, and by how much both change per second, taken over RATE_S to each side."""
+        early, late = self.at(self.time_s - RATE_S), self.at(self.time_s + RATE_S)
+        ray_rate, centre_rate = late.ray - early.ray, late.centre_m - early.centre_m
+        return np.concatenate([self.centre_m, self.ray, centre_rate / (2 * RATE_S), ray_rate / (2 * RATE_S)], axis=1)
+
     def taken(self, index: Ints | Bools) -> Track:
         """Some of its rows."""
         return Track(
@@ -72,17 +91,22 @@ class Track:
 
     def at(self, time_s: Floats) -> Interpolated:
         """The track at video times (...,), linear in between."""
+        place = self.between(time_s)
+        left, right, w = place.left, place.right, place.share[..., None]
+        centre = (1 - w) * self.centre_m[left] + w * self.centre_m[right]
+        ray = (1 - w) * self.ray[left] + w * self.ray[right]
+        ray /= np.sqrt((ray**2).sum(-1))[..., None]
+        near = np.where(place.share < 0.5, left, right)
+        return Interpolated(centre_m=centre, ray=ray, near=near, holds=place.holds)
+
+    def between(self, time_s: Floats) -> Between:
+        """Where video times (...,) lie among the track's own."""
         right = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self) - 1)
         left = right - 1
         width = self.time_s[right] - self.time_s[left]
         share = np.clip((time_s - self.time_s[left]) / width, 0.0, 1.0)
         holds = (width <= self.bridged_s) & (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
-        w = share[..., None]
-        centre = (1 - w) * self.centre_m[left] + w * self.centre_m[right]
-        ray = (1 - w) * self.ray[left] + w * self.ray[right]
-        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-        near = np.where(share < 0.5, left, right)
-        return Interpolated(centre_m=centre, ray=ray, near=near, holds=holds)
+        return Between(left=left, right=right, share=share, holds=holds)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,10 +10,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from calibration.arrays import Floats
 from pipeline.errors import GeometryError
 from pipeline.records import OffsetCandidate, SolverSettings
 from pipeline.solver.search import is_ambiguous, search_offsets
-from pipeline.solver.search_sweep import bounded, crossing_residual
+from pipeline.solver.search_sweep import Rays, bounded, crossing_residuals
 from pipeline.solver.search_views import Track, cleaned
 
 SETTINGS = SolverSettings()
@@ -117,12 +118,39 @@ def test_rays_that_meet_have_no_residual_and_rays_that_meet_behind_are_no_match(
     base = np.array([[100.0, 0.0, 0.0]])
     a, b = target[None], target[None] - base
     ray_a, ray_b = a / np.linalg.norm(a), b / np.linalg.norm(b)
-    sigma = np.array([1e-3])
-    assert abs(crossing_residual(base, ray_a, ray_b, sigma, sigma, 0.1)[0]) < 1e-6
-    assert np.isinf(crossing_residual(base, -ray_a, -ray_b, sigma, sigma, 0.1)[0])
     lifted = np.array([[0.0, 0.0, 3e-3 * np.linalg.norm(b)]]) + b
-    off = crossing_residual(base, ray_a, lifted / np.linalg.norm(lifted), sigma, sigma, 0.0)[0]
-    assert 1.0 < abs(off) < 4.0
+
+    def crossing(one: Floats, other: Floats, shift_m: float) -> float:
+        sigma = np.array([1e-3])
+        first = Rays(centre_m=np.zeros((1, 3)), ray=one, sigma_rad=sigma)
+        second = Rays(centre_m=base, ray=other / np.linalg.norm(other), sigma_rad=sigma)
+        return float(crossing_residuals(first, second, shift_m)[0, 0])
+
+    assert abs(crossing(ray_a, ray_b, 0.1)) < 1e-6
+    assert np.isinf(crossing(-ray_a, -ray_b, 0.1))
+    assert 1.0 < abs(crossing(ray_a, lifted, 0.0)) < 4.0
+
+
+def test_a_table_of_crossings_is_the_triple_product_over_its_first_order_sigma() -> None:
+    rng = np.random.default_rng(5)
+    a, b = (rng.normal(size=(n, 3)) for n in (7, 4))
+    one, other = (
+        Rays(
+            centre_m=10 * rng.normal(size=ray.shape),
+            ray=ray / np.linalg.norm(ray, axis=1)[:, None],
+            sigma_rad=np.full(len(ray), sigma),
+        )
+        for ray, sigma in ((a, 1e-2), (b, 2e-2))
+    )
+    table = crossing_residuals(one, other, 0.1)
+    base = other.centre_m[:, None] - one.centre_m
+    ray_a, ray_b = np.broadcast_to(one.ray, base.shape), np.broadcast_to(other.ray[:, None], base.shape)
+    normal = np.cross(ray_a, ray_b)
+    lever_a, lever_b = np.cross(ray_a, np.cross(base, ray_b)), np.cross(ray_b, np.cross(base, ray_a))
+    variance = 1e-4 * (lever_a**2).sum(-1) + 4e-4 * (lever_b**2).sum(-1) + 0.01 * (normal**2).sum(-1)
+    ahead = np.isfinite(table)
+    assert 0 < ahead.sum() < table.size
+    np.testing.assert_allclose(table[ahead], ((base * normal).sum(-1) / np.sqrt(variance))[ahead], rtol=1e-9)
 
 
 def test_the_bounded_loss_is_half_a_square_and_then_flat() -> None:
