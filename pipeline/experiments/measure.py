@@ -8,6 +8,7 @@ position is where the target truly was when that frame was taken. So a wrong clo
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from calibration.arrays import Floats
 from pipeline.experiments.answers import Answer
@@ -77,7 +78,7 @@ def motion_nees(found: Motion, scene: Scene, target: int) -> float:
         return float("nan")
     count = found.degree + 1
     time = np.linspace(found.start_s, found.end_s, count) if count > 1 else np.array([found.start_s])
-    basis = np.array([_basis(found, time, i) for i in range(count)]).T
+    basis = BSpline(found.knots_s, np.eye(count), found.degree)(time)
     full = np.empty((count, 3, count, 3))
     for i in range(count):
         for j in range(count - i):
@@ -89,12 +90,3 @@ def motion_nees(found: Motion, scene: Scene, target: int) -> float:
         return float(error @ np.linalg.solve(covariance, error)) / len(error)
     except np.linalg.LinAlgError:
         return float("nan")
-
-
-def _basis(motion: Motion, time_s: Floats, index: int) -> Floats:
-    """Value (m,) of one of a motion's basis functions."""
-    from scipy.interpolate import BSpline
-
-    unit = np.zeros(len(motion.coefficients))
-    unit[index] = 1.0
-    return np.asarray(BSpline(motion.knots_s, unit, motion.degree)(time_s))
