@@ -18,6 +18,8 @@ from pipeline.experiments import (
     experiment_named,
     processes,
     run_experiment,
+    sentence,
+    verdict,
     write_outcome,
 )
 
@@ -50,12 +52,19 @@ def run(arguments: Namespace, console: Console) -> int:
         found.append(outcome)
     result: dict[str, Any] = {
         "status": "ok", "command": "experiment", "runs": arguments.runs, "seed": arguments.seed, "seconds": seconds,
-        "files": files, "entries": [_row(o, e) for o in found for e in o.entries],
+        "files": files,
+        "verdict": {o.experiment.name: _verdict(o) for o in found},
+        "entries": [_row(o, e) for o in found for e in o.entries],
     }  # fmt: skip
     shown = "\n\n".join(_table(o) for o in found)
     pages = "\n".join(f"look at {arguments.output / f}" for f in files if f.endswith(".html"))
     console.result(result, f"{shown}\n\n{pages}")
     return 0
+
+
+def _verdict(outcome: Outcome) -> Mapping[str, Any]:
+    v = verdict(outcome)
+    return {"better": v.better, "equal": v.equal, "worse": len(v.worse), "missed": len(v.missed)}
 
 
 def _row(outcome: Outcome, e: Entry) -> Mapping[str, Any]:
@@ -87,4 +96,4 @@ def _table(outcome: Outcome) -> str:
             f"{cell:<52}{e.approaches[entry.approach].name:<32}{texts[0]:>10}{texts[1]:>8}{texts[2]:>9}{texts[3]:>11}"
             f"{texts[4]:>9}{mark}"
         )
-    return "\n".join(lines)
+    return "\n".join([*lines, sentence(outcome)])

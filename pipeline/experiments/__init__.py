@@ -10,6 +10,7 @@ from pipeline.experiments.cluster import cluster
 from pipeline.experiments.run import run_experiment, write_outcome
 from pipeline.experiments.runner import processes
 from pipeline.experiments.summary import Entry, Outcome
+from pipeline.experiments.verdict import sentence, verdict
 
 __all__ = [
     "EXPERIMENTS",
@@ -19,5 +20,7 @@ __all__ = [
     "experiment_named",
     "processes",
     "run_experiment",
+    "sentence",
+    "verdict",
     "write_outcome",
 ]

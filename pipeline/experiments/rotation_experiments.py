@@ -51,6 +51,8 @@ def rotation() -> Experiment:
         drawings=(
             Grid(caption="Mean error, m", measure="error_m"),
             Grid(caption="Error over that of Algorithm 1", measure="over_algorithm_1"),
+            Grid(caption="Error over that of Algorithm 2", measure="over_algorithm_2"),
+            Grid(caption="Root mean square error over the bound", measure="over_bound"),
         ),
         remarks=(noises.ABOUT, FLOOR, EARLIER, ABOUT_RATE, ABOUT_LI),
     )
@@ -88,6 +90,7 @@ def far() -> Experiment:
                 caption="Median error over that of Algorithm 1, of a typical flight", measure="median_over_algorithm_1"
             ),
             Grid(caption="Error over that of Algorithm 1", measure="over_algorithm_1"),
+            Grid(caption="Root mean square error over the bound", measure="over_bound"),
         ),
         remarks=(
             "Noise, which the paper does not state: 0.5\u00b0 systematic and 0.1\u00b0 random in rotation, "
