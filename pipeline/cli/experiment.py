@@ -83,17 +83,16 @@ def _row(outcome: Outcome, e: Entry) -> Mapping[str, Any]:
 
 
 def _table(outcome: Outcome) -> str:
-    """For people: every cell and approach in one line."""
+    """For people: a line for every cell and approach, the paper's figure beside ours, and the verdict."""
     e = outcome.experiment
-    names = f"{'cell':<52}{'approach':<32}{'error m':>10}{'+-':>8}{'bound':>9}{'rms/bound':>11}{'paper':>9}"
-    lines = [f"{e.name}: {e.title}", names]
+    seconds = ("solve s",) if e.timed else ()
+    names = ("error m", "+-", "bound", "rms/bound", *seconds, "paper")
+    lines = [f"{e.name}: {e.title}", f"{'cell':<52}{'approach':<32}" + "".join(f"{n:>11}" for n in names)]
     for entry in outcome.entries:
         cell = ", ".join(f"{k} {v}" for k, v in e.cells[entry.cell].values.items())
-        figures = (entry.error_m.mean, entry.error_m.error, entry.bound_m, entry.over_bound, entry.published)
-        texts = [f"{v:.4g}" if math.isfinite(v) else "" for v in figures]
-        mark = {"worse": "", "better": "  better than " + e.reference, "equal": "", "": ""}[entry.against_reference()]
-        lines.append(
-            f"{cell:<52}{e.approaches[entry.approach].name:<32}{texts[0]:>10}{texts[1]:>8}{texts[2]:>9}{texts[3]:>11}"
-            f"{texts[4]:>9}{mark}"
-        )
+        figures = [entry.error_m.mean, entry.error_m.error, entry.bound_m, entry.over_bound]
+        figures += [entry.solver_seconds.mean] * e.timed + [entry.published]
+        texts = "".join(f"{v:>11.4g}" if math.isfinite(v) else " " * 11 for v in figures)
+        mark = f"  better than {e.reference}" if entry.against_reference() == "better" else ""
+        lines.append(f"{cell:<52}{e.approaches[entry.approach].name:<32}{texts}{mark}")
     return "\n".join([*lines, sentence(outcome)])
