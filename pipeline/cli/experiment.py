@@ -17,7 +17,7 @@ from pipeline.experiments import (
     cluster,
     experiment_named,
     processes,
-    run_experiment,
+    run_experiments,
     sentence,
     verdict,
     write_outcome,
@@ -42,14 +42,14 @@ def run(arguments: Namespace, console: Console) -> int:
     found: list[Outcome] = []
     files: list[str] = []
     seconds: dict[str, float] = {}
-    for name in names:
-        began = time.perf_counter()
-        outcome = run_experiment(
-            name, runs=arguments.runs, seed=arguments.seed, workers=workers, progress=console.progress
-        )
+    began = time.perf_counter()
+    for outcome in run_experiments(
+        names, runs=arguments.runs, seed=arguments.seed, workers=workers, progress=console.progress
+    ):
         files += write_outcome(outcome, arguments.output)
-        seconds[name] = round(time.perf_counter() - began, 3)
+        seconds[outcome.experiment.name] = round(time.perf_counter() - began, 3)
         found.append(outcome)
+        began = time.perf_counter()
     result: dict[str, Any] = {
         "status": "ok", "command": "experiment", "runs": arguments.runs, "seed": arguments.seed, "seconds": seconds,
         "files": files,
