@@ -14,6 +14,7 @@ from pipeline.experiments.figures import FIGURES, words
 from pipeline.experiments.flights import answer, cell_scene, flown, fly, refused, run_seed, told, without_hidden
 from pipeline.experiments.measure import MEASURES, place, viewpoint_errors
 from pipeline.experiments.summary import estimate
+from pipeline.synthetic.scene import camera_pose
 
 
 def test_every_run_of_every_cell_has_its_own_seed():
@@ -144,3 +145,19 @@ def test_scenes_keep_their_targets_in_view():
         problem = flown(experiment_named(name), len(experiment_named(name).cells) - 1, 0, 1).problem
         full = sum(c.frames for c in scene.cameras) * len(scene.targets)
         assert sum(len(c.rays.frame) for c in problem.cameras) > 0.9 * full
+
+
+def test_the_long_range_flight_is_the_papers():
+    scene = experiment_named("long-range").cells[0].scene()
+    for camera in scene.cameras:
+        time = camera.frame_time_s(np.arange(camera.frames))
+        centre, _ = camera_pose(camera.platform, time)
+        for target in scene.targets:
+            away = np.linalg.norm(centre - target.motion.position_enu_m(time), axis=1)
+            assert 15_000 < away.min() < away.max() < 20_000
+    here, there = (c.platform.position_enu_m.value for c in scene.cameras)
+    np.testing.assert_allclose(np.linalg.norm(there - here, axis=1), 20_000)
+    assert scene.cameras[1].offset_s == -40 / 25
+    for target in scene.targets:
+        speed_kmh = 3.6 * np.linalg.norm(target.motion.position_enu_m(np.array([5.0]), 1))
+        assert speed_kmh == pytest.approx(60.0)
