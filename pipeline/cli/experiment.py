@@ -58,7 +58,8 @@ def run(arguments: Namespace, console: Console) -> int:
     }  # fmt: skip
     shown = "\n\n".join(_table(o) for o in found)
     pages = "\n".join(f"look at {arguments.output / f}" for f in files if f.endswith(".html"))
-    console.result(result, f"{shown}\n\n{pages}")
+    took = "seconds: " + ", ".join(f"{name} {value:.0f}" for name, value in seconds.items())
+    console.result(result, f"{shown}\n\n{took}\n{pages}")
     return 0
 
 
