@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -48,6 +48,12 @@ class Workers(Protocol):
         """Do all of them."""
 
 
+@cache
+def warmed(experiment: Experiment, cell: int, seed: int) -> None:
+    """Flies once in this process, so that nobody's clock pays for loading."""
+    fly(experiment, cell, 0, seed)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Flights:
     """Runs `first` to `first + count` (exclusive) of cell number `cell`: (runs, approaches, measures)."""
@@ -62,7 +68,7 @@ class Flights:
         """Fly them."""
         experiment = experiment_named(self.experiment)
         if experiment.timed:
-            fly(experiment, self.cell, self.first, self.seed)  # so that nobody's clock pays for loading
+            warmed(experiment, self.cell, self.seed)
         runs = range(self.first, self.first + self.count)
         return np.stack([fly(experiment, self.cell, run, self.seed) for run in runs])
 
