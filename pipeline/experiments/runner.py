@@ -157,6 +157,7 @@ def fly_all(
             if owner is g:
                 progress(g.experiment.name, g.flown, g.total)
         yield g.outcome()
+    next(results, None)  # lets the workers end by themselves
 
 
 def perform(job: Job) -> Any:
@@ -176,8 +177,9 @@ def _on_processes(count: int, jobs: Sequence[Job]) -> Iterator[tuple[int, Any]]:
         try:
             for future in as_completed(running):
                 yield running.pop(future), future.result()
-        finally:
+        except BaseException:  # also where nobody asks for the rest
             pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 @contextmanager
