@@ -17,7 +17,9 @@ from pipeline.experiments import (
     cluster,
     experiment_named,
     processes,
-    run_experiment,
+    run_experiments,
+    sentence,
+    verdict,
     write_outcome,
 )
 
@@ -40,22 +42,30 @@ def run(arguments: Namespace, console: Console) -> int:
     found: list[Outcome] = []
     files: list[str] = []
     seconds: dict[str, float] = {}
-    for name in names:
-        began = time.perf_counter()
-        outcome = run_experiment(
-            name, runs=arguments.runs, seed=arguments.seed, workers=workers, progress=console.progress
-        )
+    began = time.perf_counter()
+    for outcome in run_experiments(
+        names, runs=arguments.runs, seed=arguments.seed, workers=workers, progress=console.progress
+    ):
         files += write_outcome(outcome, arguments.output)
-        seconds[name] = round(time.perf_counter() - began, 3)
+        seconds[outcome.experiment.name] = round(time.perf_counter() - began, 3)
         found.append(outcome)
+        began = time.perf_counter()
     result: dict[str, Any] = {
         "status": "ok", "command": "experiment", "runs": arguments.runs, "seed": arguments.seed, "seconds": seconds,
-        "files": files, "entries": [_row(o, e) for o in found for e in o.entries],
+        "files": files,
+        "verdict": {o.experiment.name: _verdict(o) for o in found},
+        "entries": [_row(o, e) for o in found for e in o.entries],
     }  # fmt: skip
     shown = "\n\n".join(_table(o) for o in found)
     pages = "\n".join(f"look at {arguments.output / f}" for f in files if f.endswith(".html"))
-    console.result(result, f"{shown}\n\n{pages}")
+    took = "seconds: " + ", ".join(f"{name} {value:.0f}" for name, value in seconds.items())
+    console.result(result, f"{shown}\n\n{took}\n{pages}")
     return 0
+
+
+def _verdict(outcome: Outcome) -> Mapping[str, Any]:
+    v = verdict(outcome)
+    return {"better": v.better, "equal": v.equal, "worse": len(v.worse), "missed": len(v.missed)}
 
 
 def _row(outcome: Outcome, e: Entry) -> Mapping[str, Any]:
@@ -74,17 +84,16 @@ def _row(outcome: Outcome, e: Entry) -> Mapping[str, Any]:
 
 
 def _table(outcome: Outcome) -> str:
-    """For people: every cell and approach in one line."""
+    """For people: a line for every cell and approach, the paper's figure beside ours, and the verdict."""
     e = outcome.experiment
-    names = f"{'cell':<52}{'approach':<32}{'error m':>10}{'+-':>8}{'bound':>9}{'rms/bound':>11}{'paper':>9}"
-    lines = [f"{e.name}: {e.title}", names]
+    seconds = ("solve s",) if e.timed else ()
+    names = ("error m", "+-", "bound", "rms/bound", *seconds, "paper")
+    lines = [f"{e.name}: {e.title}", f"{'cell':<52}{'approach':<32}" + "".join(f"{n:>11}" for n in names)]
     for entry in outcome.entries:
         cell = ", ".join(f"{k} {v}" for k, v in e.cells[entry.cell].values.items())
-        figures = (entry.error_m.mean, entry.error_m.error, entry.bound_m, entry.over_bound, entry.published)
-        texts = [f"{v:.4g}" if math.isfinite(v) else "" for v in figures]
-        mark = {"worse": "", "better": "  better than " + e.reference, "equal": "", "": ""}[entry.against_reference()]
-        lines.append(
-            f"{cell:<52}{e.approaches[entry.approach].name:<32}{texts[0]:>10}{texts[1]:>8}{texts[2]:>9}{texts[3]:>11}"
-            f"{texts[4]:>9}{mark}"
-        )
-    return "\n".join(lines)
+        figures = [entry.error_m.mean, entry.error_m.error, entry.bound_m, entry.over_bound]
+        figures += [entry.solver_seconds.mean] * e.timed + [entry.published]
+        texts = "".join(f"{v:>11.4g}" if math.isfinite(v) else " " * 11 for v in figures)
+        mark = f"  better than {e.reference}" if entry.against_reference() == "better" else ""
+        lines.append(f"{cell:<52}{e.approaches[entry.approach].name:<32}{texts}{mark}")
+    return "\n".join([*lines, sentence(outcome)])

@@ -7,9 +7,10 @@ Cramer-Rao bound, computed apart from the solver, stands beside every cell.
 
 from pipeline.experiments.catalogue import EXPERIMENTS, experiment_named
 from pipeline.experiments.cluster import cluster
-from pipeline.experiments.run import run_experiment, write_outcome
+from pipeline.experiments.run import run_experiment, run_experiments, write_outcome
 from pipeline.experiments.runner import processes
 from pipeline.experiments.summary import Entry, Outcome
+from pipeline.experiments.verdict import sentence, verdict
 
 __all__ = [
     "EXPERIMENTS",
@@ -19,5 +20,8 @@ __all__ = [
     "experiment_named",
     "processes",
     "run_experiment",
+    "run_experiments",
+    "sentence",
+    "verdict",
     "write_outcome",
 ]

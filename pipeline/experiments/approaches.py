@@ -18,7 +18,8 @@ INTERSECTION = Approach(name="intersection", settings=SolverSettings(method="int
 MAP = Approach(name="map", settings=SolverSettings(method="map"), ours=True)
 
 ABOUT_LI = (
-    f"Li stops after {LI_ROUNDS} rounds, as many as the paper reports for it. Run until nothing moves it reaches the "
+    f'Li stops after {LI_ROUNDS} rounds, as many as the paper reports for it ("typically 4-8 iterations"); a round is '
+    "an intersection and a descent in every offset. Run until nothing moves it reaches the "
     "minimum of Algorithm 1's cost with frame rates held, so whatever separates the two is how far it is run, and "
-    "whether the frame rate may move."
+    "whether the frame rate may move: with the right rate held Li has an unknown less, and can be the better one."
 )

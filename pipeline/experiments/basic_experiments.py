@@ -79,5 +79,6 @@ def monocular() -> Experiment:
             Grid(caption="Mean error, m (no figure: refused as not determined)", measure="error_m"),
             Grid(caption="Share of flights with an answer", measure="solved_share"),
         ),
+        refused=True,
         remarks=(noises.ABOUT_LOW,),
     )

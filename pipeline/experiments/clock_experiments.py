@@ -110,6 +110,8 @@ def speed() -> Experiment:
         approaches=(LI, LI_TO_THE_END, ALGORITHM_1, MAP),
         drawings=(
             Grid(caption="Seconds of the numerical solve", measure="solver_seconds"),
+            Grid(caption="Times quicker than Li", measure="quicker_than_li"),
+            Grid(caption="Times quicker than Li run until nothing moves", measure="quicker_than_li_to_the_end"),
             Grid(caption="Seconds of the whole call, uncertainty and record included", measure="seconds"),
             Grid(caption="Iterations (rounds of Li)", measure="iterations"),
         ),

@@ -117,6 +117,7 @@ class Experiment:
     target    number of the target whose errors are measured
     reference name of the approach that the others are compared with
     timed     whether seconds are among the results (then the bytes of two runs differ)
+    refused   whether refusals are: the geometry cannot determine an answer everywhere
     remarks   what a reader must know to judge the figures, one sentence each
     """
 
@@ -131,7 +132,13 @@ class Experiment:
     target: int = 0
     reference: str = "map"
     timed: bool = False
+    refused: bool = False
     remarks: tuple[str, ...] = ()
+
+    @property
+    def whole_calls(self) -> bool:
+        """Whether every answer is the whole call of a user, not the numerical solve alone (`answers`)."""
+        return self.timed or self.refused
 
     def approach(self, name: str) -> int:
         """Place of an approach."""

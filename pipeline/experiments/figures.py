@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.experiments.measure import place
+from pipeline.experiments.ratios import Ratio, of_means, of_medians
 from pipeline.experiments.summary import Entry, Outcome
 
 FRAME_S = 0.1
@@ -17,10 +18,14 @@ NOTHING = float("nan")
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One number of a table: value, standard error, deviation of a single run, bound, the published number."""
+    """One number of a table: value, its standard error or 95 % interval, deviation of a single run, bound, published
+    number.
+    """
 
     value: float
     error: float = NOTHING
+    low: float = NOTHING
+    high: float = NOTHING
     deviation: float = NOTHING
     bound: float = NOTHING
     published: float = NOTHING
@@ -78,31 +83,26 @@ def _solved(outcome: Outcome, e: Entry) -> Figure:
     return Figure(value=e.solved / e.runs)
 
 
-def _over_algorithm_1(outcome: Outcome, e: Entry) -> Figure:
-    """Ratio of mean errors; its standard error from the paired runs (delta method)."""
-    base = outcome.experiment.approach("Algorithm 1")
-    mine = outcome.runs[e.cell, :, e.approach, place("error_m")]
-    theirs = outcome.runs[e.cell, :, base, place("error_m")]
-    both = np.isfinite(mine) & np.isfinite(theirs)
-    mine, theirs = mine[both], theirs[both]
-    if len(mine) < 2:
-        return Figure(value=NOTHING)
-    ratio = float(mine.mean() / theirs.mean())
-    error = float((mine - ratio * theirs).std(ddof=1) / np.sqrt(len(mine)) / theirs.mean())
-    names = outcome.experiment.approaches
-    printed = outcome.experiment.cells[e.cell].published
-    published = printed.get(names[e.approach].name, NOTHING) / printed.get("Algorithm 1", NOTHING)
-    return Figure(value=ratio, error=error, published=published, bound=e.bound_m / float(theirs.mean()))
+def _ratio(found: Ratio) -> Figure:
+    return Figure(value=found.value, low=found.low, high=found.high, bound=found.bound, published=found.published)
 
 
-def _median_over_algorithm_1(outcome: Outcome, e: Entry) -> Figure:
-    """Ratio of the median errors: of typical flights, where single ones go far astray."""
-    base = outcome.entry(e.cell, outcome.experiment.approach("Algorithm 1"))
-    names = outcome.experiment.approaches
-    printed = outcome.experiment.cells[e.cell].published
-    published = printed.get(names[e.approach].name, NOTHING) / printed.get("Algorithm 1", NOTHING)
-    typical = NOTHING if base is None else base.median_m
-    return Figure(value=e.median_m / typical, published=published, bound=e.bound_m / typical)
+def _over(base: str) -> Callable[[Outcome, Entry], Figure]:
+    return lambda outcome, entry: _ratio(of_means(outcome, entry, base))
+
+
+def _median_over_algorithm_1(outcome: Outcome, entry: Entry) -> Figure:
+    return _ratio(of_medians(outcome, entry, "Algorithm 1"))
+
+
+def _quicker_than(base: str) -> Callable[[Outcome, Entry], Figure]:
+    """Seconds of the base over those of the approach; the paper's where it prints both."""
+
+    def figure(outcome: Outcome, entry: Entry) -> Figure:
+        found = of_means(outcome, entry, base, "solver_seconds")
+        return Figure(value=1 / found.value, low=1 / found.high, high=1 / found.low, published=1 / found.published)
+
+    return figure
 
 
 FIGURES: dict[str, Callable[[Outcome, Entry], Figure]] = {
@@ -110,12 +110,15 @@ FIGURES: dict[str, Callable[[Outcome, Entry], Figure]] = {
     "offset_frames": _offset,
     "offset_rms_frames": _offset_rms,
     "over_bound": _over_bound,
-    "over_algorithm_1": _over_algorithm_1,
+    "over_algorithm_1": _over("Algorithm 1"),
+    "over_algorithm_2": _over("Algorithm 2"),
     "median_over_algorithm_1": _median_over_algorithm_1,
     "nees": _nees,
     "iterations": _iterations,
     "seconds": _seconds,
     "solver_seconds": _solver_seconds,
+    "quicker_than_li": _quicker_than("Li"),
+    "quicker_than_li_to_the_end": _quicker_than("Li, to the end"),
     "solved_share": _solved,
 }
 

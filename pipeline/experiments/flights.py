@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from calibration.arrays import Bools, Floats, Ints
 from pipeline.errors import GeometryError
+from pipeline.experiments.answers import Answer, straight, whole
 from pipeline.experiments.declare import Approach, Cell, Experiment, Spell
-from pipeline.experiments.li_rounds import solve_li
 from pipeline.experiments.measure import MEASURES, measure
-from pipeline.records import CameraInput, Problem, Solution, Truth
-from pipeline.solver import solve
+from pipeline.records import CameraInput, Problem
+from pipeline.solver.findings import find_degeneracies
+from pipeline.solver.layout import Frames, pack
 from pipeline.synthetic.scene import Scene
 from pipeline.synthetic.simulate import simulate
 
@@ -34,12 +35,26 @@ def cell_scene(cell: Cell) -> Scene:
     return cell.scene()
 
 
-def flown(experiment: Experiment, cell: int, run: int, seed: int) -> tuple[Problem, Truth, Scene]:
-    """What the solver is asked in one run, and what is true."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flight:
+    """What the solver is asked in one run, the scene and the whole experiment's seed it was drawn from."""
+
+    problem: Problem
+    scene: Scene
+    seed: int
+
+    @cached_property
+    def frames(self) -> Frames:
+        """The problem's sightings, packed once for all approaches: what an approach is told does not change them."""
+        return pack(self.problem)
+
+
+def flown(experiment: Experiment, cell: int, run: int, seed: int) -> Flight:
+    """The flight of one run."""
     what = experiment.cells[cell]
     scene = cell_scene(what)
-    problem, truth = simulate(scene, noise=what.noise, seed=run_seed(experiment.name, cell, run, seed))
-    return without_hidden(problem, what.hidden), truth, scene
+    problem, _ = simulate(scene, noise=what.noise, seed=run_seed(experiment.name, cell, run, seed))
+    return Flight(problem=without_hidden(problem, what.hidden), scene=scene, seed=seed)
 
 
 def without_hidden(problem: Problem, spells: Sequence[Spell]) -> Problem:
@@ -84,24 +99,50 @@ def told(problem: Problem, cell: Cell, approach: Approach) -> Problem:
     return replace(problem, cameras=tuple(replace(c, sigma=sigma) for c in problem.cameras))
 
 
-def answer(problem: Problem, cell: Cell, approach: Approach) -> tuple[Solution | None, float]:
-    """An approach's solution (None: the geometry does not determine one) and its seconds, start to end."""
-    asked = told(problem, cell, approach)
+def answer(experiment: Experiment, cell: int, approach: Approach, flight: Flight) -> tuple[Answer | None, float]:
+    """An approach's answer (None: the geometry does not determine one) and its seconds, start to end."""
+    asked = told(flight.problem, experiment.cells[cell], approach)
     began = time.perf_counter()
+    found: Answer | None = None
     try:
-        found = (solve_li if approach.settings.method == "li" else solve)(asked, approach.settings)
+        if experiment.whole_calls:
+            found = whole(asked, approach, experiment.target)
+        elif experiment.approach(approach.name) not in refused(experiment, cell, flight.seed):
+            found = straight(asked, flight.frames, approach, experiment.target)
     except GeometryError:
-        return None, time.perf_counter() - began
+        pass
     return found, time.perf_counter() - began
+
+
+@lru_cache(maxsize=4)
+def refused(experiment: Experiment, cell: int, seed: int) -> frozenset[int]:
+    """Approaches that a cell has too few equations for (section 2.4 of the paper), as its first flight shows.
+
+    The count is of sightings and unknowns, the same in every run. Where more can be refused, `whole` calls decide.
+    """
+    flight = flown(experiment, cell, 0, seed)
+    return frozenset(
+        i
+        for i, a in enumerate(experiment.approaches)
+        if not _determined(told(flight.problem, experiment.cells[cell], a), a)
+    )
+
+
+def _determined(problem: Problem, approach: Approach) -> bool:
+    try:
+        find_degeneracies(problem, approach.settings)
+    except GeometryError:
+        return False
+    return True
 
 
 def fly(experiment: Experiment, cell: int, run: int, seed: int) -> Floats:
     """(approaches, measures) of one run; NaN where an approach has no answer or is left out."""
-    problem, _, scene = flown(experiment, cell, run, seed)
+    flight = flown(experiment, cell, run, seed)
     what = experiment.cells[cell]
     out = np.full((len(experiment.approaches), len(MEASURES)), np.nan)
     for i, approach in enumerate(experiment.approaches):
         if approach.name not in what.leave_out:
-            found, seconds = answer(problem, what, approach)
-            out[i] = measure(found, scene, experiment.target, seconds)
+            found, seconds = answer(experiment, cell, approach, flight)
+            out[i] = measure(found, flight.scene, experiment.target, seconds)
     return out

@@ -8,9 +8,11 @@ position is where the target truly was when that frame was taken. So a wrong clo
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from calibration.arrays import Floats
-from pipeline.records import Motion, Solution
+from pipeline.experiments.answers import Answer
+from pipeline.records import Motion
 from pipeline.synthetic.scene import Scene
 
 MEASURES = (
@@ -35,42 +37,36 @@ def place(name: str) -> int:
     return MEASURES.index(name)
 
 
-def measure(found: Solution | None, scene: Scene, target: int, seconds: float) -> Floats:
+def measure(found: Answer | None, scene: Scene, target: int, seconds: float) -> Floats:
     """(measures,) of one answer; all NaN but `converged` (zero) and `seconds` where there is none."""
     out = np.full(len(MEASURES), np.nan)
     out[place("converged")], out[place("seconds")] = 0.0, seconds
     if found is None:
         return out
-    error = viewpoint_errors(found, scene, target)
-    square = error**2
-    out[place("error_m")] = np.sqrt(square.sum(axis=1)).mean()
-    out[place("square_m2")] = square.sum(axis=1).mean()
+    square = viewpoint_errors(found, scene, target) ** 2
+    length = square.sum(axis=1)
+    out[place("error_m")] = np.sqrt(length).mean()
+    out[place("square_m2")] = length.mean()
     out[place("east_m2") : place("up_m2") + 1] = square.mean(axis=0)
-    out[place("nees")] = motion_nees(found.motions[target], scene, target)
+    out[place("nees")] = motion_nees(found.motion, scene, target)
     out[place("iterations")] = found.iterations
     out[place("converged")] = float(found.status == "converged")
     out[place("solver_seconds")] = found.seconds
     if len(scene.cameras) > 1:
-        camera, clock = scene.cameras[1], found.clocks[1]
-        off = clock.offset_s - camera.offset_s
+        off = found.offset_s - scene.cameras[1].offset_s
         out[place("offset_error_s")] = off
-        out[place("rate_error")] = clock.frame_rate / camera.frame_rate - 1
-        out[place("offset_sigmas")] = off / clock.offset_sigma_s if clock.offset_sigma_s > 0 else np.nan
+        out[place("rate_error")] = found.frame_rate / scene.cameras[1].frame_rate - 1
+        out[place("offset_sigmas")] = off / found.offset_sigma_s if found.offset_sigma_s > 0 else np.nan
     return out
 
 
-def viewpoint_errors(found: Solution, scene: Scene, target: int) -> Floats:
+def viewpoint_errors(found: Answer, scene: Scene, target: int) -> Floats:
     """Found minus true position (m, 3) at every viewpoint of a target."""
-    seen = found.sightings
-    name = scene.targets[target].name
-    own = np.array([t == name for t in seen.target], dtype=bool)
-    camera = np.array(seen.camera, dtype=object)
-    true_s = np.empty(len(own))
-    for c in scene.cameras:
-        rows = camera == c.name
-        true_s[rows] = c.frame_time_s(seen.frame[rows])
-    true_m = scene.targets[target].motion.position_enu_m(true_s[own])
-    return np.asarray(seen.position_enu_m[own] - true_m)
+    true_s = np.empty(len(found.frame))
+    for c, camera in enumerate(scene.cameras):
+        own = found.camera == c
+        true_s[own] = camera.frame_time_s(found.frame[own])
+    return np.asarray(found.position_m - scene.targets[target].motion.position_enu_m(true_s))
 
 
 def motion_nees(found: Motion, scene: Scene, target: int) -> float:
@@ -82,7 +78,7 @@ def motion_nees(found: Motion, scene: Scene, target: int) -> float:
         return float("nan")
     count = found.degree + 1
     time = np.linspace(found.start_s, found.end_s, count) if count > 1 else np.array([found.start_s])
-    basis = np.array([_basis(found, time, i) for i in range(count)]).T
+    basis = BSpline(found.knots_s, np.eye(count), found.degree)(time)
     full = np.empty((count, 3, count, 3))
     for i in range(count):
         for j in range(count - i):
@@ -94,12 +90,3 @@ def motion_nees(found: Motion, scene: Scene, target: int) -> float:
         return float(error @ np.linalg.solve(covariance, error)) / len(error)
     except np.linalg.LinAlgError:
         return float("nan")
-
-
-def _basis(motion: Motion, time_s: Floats, index: int) -> Floats:
-    """Value (m,) of one of a motion's basis functions."""
-    from scipy.interpolate import BSpline
-
-    unit = np.zeros(len(motion.coefficients))
-    unit[index] = 1.0
-    return np.asarray(BSpline(motion.knots_s, unit, motion.degree)(time_s))

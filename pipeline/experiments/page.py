@@ -7,9 +7,10 @@ from importlib.resources import files
 
 from pipeline.experiments.curves import curve_figure
 from pipeline.experiments.declare import Axes, Curve, Drawing, Grid, Path3D
-from pipeline.experiments.figures import figure_of, words
+from pipeline.experiments.figures import Figure, figure_of, words
 from pipeline.experiments.paths import path_figure
 from pipeline.experiments.summary import Outcome
+from pipeline.experiments.verdict import sentence, verdict, where
 from pipeline.report.markup import Html, joined, tag
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -33,7 +34,8 @@ def render_page(outcome: Outcome) -> str:
         tag("h1", e.title),
         tag("p", e.about),
         tag("p", tag("b", "Geometry"), f" (ours: the paper does not publish its own): {e.geometry}."),
-        tag("p", f"{flown} runs for every cell, seed {outcome.seed}. Figures are means \u00b1 their standard error."),
+        tag("p", f"{flown} runs for every cell, seed {outcome.seed}. Figures are means \u00b1 their standard error; "
+            "ratios stand with their 95 % interval."),
         *(_drawing(outcome, d) for d in e.drawings),
         _verdict(outcome),
         tag("h2", "What to know"),
@@ -83,7 +85,7 @@ def grid_table(outcome: Outcome, grid: Grid) -> Html:
             figure = figure_of(outcome, entry, grid.measure)
             if not math.isfinite(limits[c]):
                 limits[c] = figure.bound
-            cells.append(number_cell(figure.value, figure.error, figure.published))
+            cells.append(number_cell(figure))
         rows.append(tag("tr", tag("th", approach.name, scope="row"), *cells, class_="ours" if approach.ours else None))
     if any(math.isfinite(v) for v in limits):
         rows.append(
@@ -98,13 +100,15 @@ def grid_table(outcome: Outcome, grid: Grid) -> Html:
     return tag("div", whole, class_="scroll", tabindex=0, role="region", aria_label=grid.caption)
 
 
-def number_cell(value: float, error: float, published: float) -> Html:
-    """Value, its error, and the paper's number where it prints one."""
-    parts: list[Html | str] = [words(value)]
-    if math.isfinite(error) and math.isfinite(value):
-        parts.append(tag("small", f" \u00b1 {words(error, 2)}"))
-    if math.isfinite(published):
-        parts.append(tag("span", f"paper {words(published)}", class_="published"))
+def number_cell(figure: Figure) -> Html:
+    """Value, its error or interval, and the paper's number where it prints one."""
+    parts: list[Html | str] = [words(figure.value)]
+    if math.isfinite(figure.error) and math.isfinite(figure.value):
+        parts.append(tag("small", f" \u00b1 {words(figure.error, 2)}"))
+    if math.isfinite(figure.low) and figure.low < figure.high:
+        parts.append(tag("small", f" ({words(figure.low)} to {words(figure.high)})"))
+    if math.isfinite(figure.published):
+        parts.append(tag("span", f"paper {words(figure.published)}", class_="published"))
     return tag("td", *parts, class_="n")
 
 
@@ -134,17 +138,21 @@ def axes_table(outcome: Outcome, axes: Axes) -> Html:
 
 def _verdict(outcome: Outcome) -> Html:
     """Where the reference is not better than another method, beyond the Monte Carlo error."""
-    e = outcome.experiment
-    lines = []
-    for entry in outcome.entries:
-        approach = e.approaches[entry.approach]
-        if approach.name == e.reference or entry.against_reference() != "better":
-            continue
-        cell = ", ".join(f"{k.replace('_', ' ')} {v}" for k, v in e.cells[entry.cell].values.items())
-        by = f"{words(-entry.worse_m.mean)} \u00b1 {words(entry.worse_m.error, 2)} m"
-        lines.append(tag("li", f"{cell}: {approach.name} is nearer the truth by {by} on the same flights"))
-    if lines:
-        return joined(tag("h2", f"Where {e.reference} is not the best"), tag("ul", *lines))
-    return tag(
-        "p", f"In no cell is another method nearer the truth than {e.reference}, beyond twice the Monte Carlo error."
-    )
+    e, found = outcome.experiment, verdict(outcome)
+    lines = [
+        tag(
+            "li",
+            f"{where(outcome, entry)}: {e.approaches[entry.approach].name} is nearer the truth by "
+            f"{words(-entry.worse_m.mean)} \u00b1 {words(entry.worse_m.error, 2)} m on the same flights",
+        )
+        for entry in found.worse
+    ]  # fmt: skip
+    lines += [
+        tag(
+            "li",
+            f"{where(outcome, entry)}: no nearer than {e.approaches[entry.approach].name}, which is above the bound",
+        )
+        for entry in found.missed
+    ]  # fmt: skip
+    text = tag("p", f"{sentence(outcome)}.")
+    return joined(tag("h2", f"Is {e.reference} the best?"), text, tag("ul", *lines) if lines else "")

@@ -28,15 +28,15 @@ class FlownPath:
 
 def fly_path(experiment: Experiment, cell: int, seed: int) -> FlownPath:
     """Run 0 of a cell, solved by every approach."""
-    problem, _, scene = flown(experiment, cell, 0, seed)
+    flight = flown(experiment, cell, 0, seed)
+    scene = flight.scene
     first = scene.cameras[0].frame_time_s(np.array([0, scene.cameras[0].frames - 1]))
     time = np.linspace(first[0], first[1], SAMPLES)
     found = []
     for i, approach in enumerate(experiment.approaches):
-        solution, _ = answer(problem, experiment.cells[cell], approach)
-        if solution is not None:
-            path = solution.motions[experiment.target].position_enu_m(time)
-            found.append((approach.name, tone(i, approach.ours), path))
+        solved, _ = answer(experiment, cell, approach, flight)
+        if solved is not None:
+            found.append((approach.name, tone(i, approach.ours), solved.motion.position_enu_m(time)))
     true_m = scene.targets[experiment.target].motion.position_enu_m(time)
     return FlownPath(cell=cell, true_m=true_m, found_m=tuple(found))
 

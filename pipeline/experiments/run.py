@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pipeline.errors import WriteError
@@ -12,9 +13,17 @@ from pipeline.experiments.summary import Outcome
 from pipeline.experiments.tables import results_csv, runs_csv
 
 
+def run_experiments(
+    names: Sequence[str], *, runs: int, seed: int, workers: Workers, progress: Progress
+) -> Iterator[Outcome]:
+    """Fly experiments, one outcome after another. Raises UsageError where there is none of a name."""
+    return fly_all([experiment_named(n) for n in names], runs=runs, seed=seed, workers=workers, progress=progress)
+
+
 def run_experiment(name: str, *, runs: int, seed: int, workers: Workers, progress: Progress) -> Outcome:
-    """Fly an experiment. Raises UsageError where there is none of that name."""
-    return fly_all(experiment_named(name), runs=runs, seed=seed, workers=workers, progress=progress)
+    """Fly one. Raises UsageError where there is none of that name."""
+    (outcome,) = run_experiments([name], runs=runs, seed=seed, workers=workers, progress=progress)
+    return outcome
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -48,6 +48,12 @@ class Workers(Protocol):
         """Do all of them."""
 
 
+@cache
+def warmed(experiment: Experiment, cell: int, seed: int) -> None:
+    """Flies once in this process, so that nobody's clock pays for loading."""
+    fly(experiment, cell, 0, seed)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Flights:
     """Runs `first` to `first + count` (exclusive) of cell number `cell`: (runs, approaches, measures)."""
@@ -62,7 +68,7 @@ class Flights:
         """Fly them."""
         experiment = experiment_named(self.experiment)
         if experiment.timed:
-            fly(experiment, self.cell, self.first, self.seed)  # so that nobody's clock pays for loading
+            warmed(experiment, self.cell, self.seed)
         runs = range(self.first, self.first + self.count)
         return np.stack([fly(experiment, self.cell, run, self.seed) for run in runs])
 
@@ -105,25 +111,53 @@ def jobs_of(experiment: Experiment, runs: int, seed: int) -> list[Flights | Limi
     return [*flights, *(Limits(experiment=name, cell=cell) for cell in cells), *drawn]
 
 
-def fly_all(experiment: Experiment, *, runs: int, seed: int, workers: Workers, progress: Progress) -> Outcome:
-    """All runs of an experiment, and what stands beside them."""
-    jobs = jobs_of(experiment, runs, seed)
-    out = np.full((len(experiment.cells), runs, len(experiment.approaches), len(MEASURES)), np.nan)
-    limits: dict[int, dict[int, Bound]] = {}
-    paths: dict[int, FlownPath] = {}
-    done, total = 0, len(experiment.cells) * runs
-    progress(experiment.name, 0, total)
-    for number, result in workers(jobs):
-        job = jobs[number]
+class Gathering:
+    """What comes back of one experiment, in any order, until it is whole."""
+
+    def __init__(self, experiment: Experiment, runs: int, seed: int) -> None:
+        self.experiment, self.seed = experiment, seed
+        self.jobs = jobs_of(experiment, runs, seed)
+        self.total, self.flown, self.left = len(experiment.cells) * runs, 0, len(self.jobs)
+        self._runs = np.full((len(experiment.cells), runs, len(experiment.approaches), len(MEASURES)), np.nan)
+        self._limits: dict[int, dict[int, Bound]] = {}
+        self._paths: dict[int, FlownPath] = {}
+
+    def take(self, job: Flights | Limits | Drawn, result: Any) -> None:
+        """Put a job's result in its place."""
+        self.left -= 1
         if isinstance(job, Flights):
-            out[job.cell, job.first : job.first + job.count] = result
-            done += job.count
-            progress(experiment.name, done, total)
+            self._runs[job.cell, job.first : job.first + job.count] = result
+            self.flown += job.count
         elif isinstance(job, Limits):
-            limits[job.cell] = result
+            self._limits[job.cell] = result
         else:
-            paths[job.cell] = result
-    return summarise(experiment, out, seed, limits, paths)
+            self._paths[job.cell] = result
+
+    def outcome(self) -> Outcome:
+        """The whole of it."""
+        return summarise(self.experiment, self._runs, self.seed, self._limits, self._paths)
+
+
+def fly_all(
+    experiments: Sequence[Experiment], *, runs: int, seed: int, workers: Workers, progress: Progress
+) -> Iterator[Outcome]:
+    """All runs of the experiments, and what stands beside them: each outcome in its turn, as soon as it is whole.
+
+    The workers are given everything at once, so that they start once and none waits for an experiment's last flight.
+    """
+    gathered = [Gathering(e, runs, seed) for e in experiments]
+    owners = [(g, job) for g in gathered for job in g.jobs]
+    results = workers([job for _, job in owners])
+    for g in gathered:
+        progress(g.experiment.name, g.flown, g.total)
+        while g.left:
+            number, result = next(results)
+            owner, job = owners[number]
+            owner.take(job, result)
+            if owner is g:
+                progress(g.experiment.name, g.flown, g.total)
+        yield g.outcome()
+    next(results, None)  # lets the workers end by themselves
 
 
 def perform(job: Job) -> Any:
@@ -143,8 +177,9 @@ def _on_processes(count: int, jobs: Sequence[Job]) -> Iterator[tuple[int, Any]]:
         try:
             for future in as_completed(running):
                 yield running.pop(future), future.result()
-        finally:
+        except BaseException:  # also where nobody asks for the rest
             pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 @contextmanager

@@ -20,7 +20,7 @@ MIDDLE_S = 2.5
 LONG_RATE_HZ = 25.0
 LONG_FRAMES = 1500
 LONG_EARLIER_FRAMES = 40
-LONG_SPEED_MPS = 140.0
+LONG_SPEED_MPS = 70.0
 LONG_CURVE_M = 4000.0
 LONG_FOCAL_PX = 12000.0
 VEHICLE_MPS = 60.0 / 3.6
@@ -155,13 +155,13 @@ def _through(
 
 
 def long_range(*, given_rate_hz: float = LONG_RATE_HZ) -> Scene:
-    """The real-world experiment of section 3.2 as data: 12 to 21 km away, 20 km base line, four vehicles at 60 km/h."""
+    """The real-world experiment of section 3.2 as data: 15 to 20 km away, 20 km base line, four vehicles at 60 km/h."""
     middle = LONG_FRAMES / LONG_RATE_HZ / 2
     span = (-3.0, 2 * middle + 4.0)
     time = np.linspace(*span, 29)
     turn = LONG_SPEED_MPS * (time - middle) / LONG_CURVE_M
     curve = LONG_CURVE_M * np.stack([np.sin(turn), 1 - np.cos(turn), 0 * turn], axis=1)
-    places = np.array([[-7000.0, -11500.0, 7500.0], [13000.0, -11500.0, 7500.0]])
+    places = np.array([[-8500.0, -12500.0, 7500.0], [11500.0, -12500.0, 7500.0]])
     starts = (0.0, -LONG_EARLIER_FRAMES / LONG_RATE_HZ)
     cameras = tuple(
         SceneCamera(

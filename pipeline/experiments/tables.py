@@ -6,16 +6,44 @@ import math
 from collections.abc import Iterator
 
 from pipeline.experiments.measure import MEASURES
+from pipeline.experiments.ratios import Ratio, of_means
 from pipeline.experiments.summary import Entry, Outcome
 
 SUMMARY = (
-    "runs", "solved", "converged", "error_m", "error_standard_error_m", "error_deviation_m", "median_error_m",
-    "published", "bound_error_m", "rms_m", "bound_rms_m", "rms_over_bound", "rms_over_bound_standard_error",
-    "east_rms_m", "north_rms_m", "up_rms_m", "bound_east_m", "bound_north_m", "bound_up_m", "error_less_reference_m",
-    "error_less_reference_standard_error_m", "against_reference", "offset_error_mean_s", "offset_error_deviation_s",
-    "bound_offset_s", "rate_error_mean", "rate_error_deviation", "bound_rate", "nees_per_degree_of_freedom",
-    "nees_standard_error", "iterations",
-)  # fmt: skip
+    "runs",
+    "solved",
+    "converged",
+    "error_m",
+    "error_standard_error_m",
+    "error_deviation_m",
+    "median_error_m",
+    "published",
+    "bound_error_m",
+    "rms_m",
+    "bound_rms_m",
+    "rms_over_bound",
+    "rms_over_bound_standard_error",
+    "east_rms_m",
+    "north_rms_m",
+    "up_rms_m",
+    "bound_east_m",
+    "bound_north_m",
+    "bound_up_m",
+    "error_less_reference_m",
+    "error_less_reference_standard_error_m",
+    "against_reference",
+    "offset_error_mean_s",
+    "offset_error_deviation_s",
+    "bound_offset_s",
+    "rate_error_mean",
+    "rate_error_deviation",
+    "bound_rate",
+    "nees_per_degree_of_freedom",
+    "nees_standard_error",
+    "iterations",
+)
+BASES = ("Algorithm 1", "Algorithm 2")
+RATIOS = tuple(f"over_{b.lower().replace(' ', '_')}{end}" for b in BASES for end in ("", "_low", "_high"))  # fmt: skip
 TIMES = ("seconds", "solver_seconds")
 
 
@@ -23,13 +51,15 @@ def results_csv(outcome: Outcome) -> str:
     """One row per cell and approach."""
     factors = _factors(outcome)
     timed = TIMES if outcome.experiment.timed else ()
-    lines = [",".join(["experiment", *factors, "approach", *SUMMARY, *timed])]
+    lines = [",".join(["experiment", *factors, "approach", *SUMMARY, *RATIOS, *timed])]
     for e in outcome.entries:
         cell = outcome.experiment.cells[e.cell]
         head = [outcome.experiment.name, *(str(cell.values.get(f, "")) for f in factors)]
         name = outcome.experiment.approaches[e.approach].name
         times = [e.seconds.mean, e.solver_seconds.mean] if timed else []
-        lines.append(",".join([*head, _quoted(name), *(_figure(v) for v in (*_summary(e), *times))]))
+        lines.append(
+            ",".join([*head, _quoted(name), *(_figure(v) for v in (*_summary(e), *_ratios(outcome, e), *times))])
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -48,6 +78,14 @@ def _summary(e: Entry) -> Iterator[float | int | str]:
     yield from (e.worse_m.mean, e.worse_m.error, e.against_reference(), e.offset_s.mean, e.offset_s.deviation)
     yield from (e.bound_offset_s, e.rate.mean, e.rate.deviation, e.bound_rate, e.nees.mean, e.nees.error)
     yield e.iterations.mean
+
+
+def _ratios(outcome: Outcome, entry: Entry) -> Iterator[float]:
+    """Mean error over that of the paper's algorithms, with the ends of the 95 % interval."""
+    flown = [a.name for a in outcome.experiment.approaches]
+    for base in BASES:
+        ratio = of_means(outcome, entry, base) if base in flown else Ratio()
+        yield from (ratio.value, ratio.low, ratio.high)
 
 
 def runs_csv(outcome: Outcome) -> str:

@@ -66,7 +66,7 @@ def test_the_command_lists_and_flies(tmp_path, capsys):
 def test_two_hundred_flights_on_a_cluster_give_the_same_bytes(tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra 'cluster'")
     local = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, scheduler_port=0
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, scheduler_port=0, host="127.0.0.1"
     )
     with local:
         there = run_experiment(
