@@ -14,12 +14,15 @@ step.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
 from calibration.arrays import Floats
+from pipeline.tracking import _kernels
 from pipeline.tracking.template import Patch, Pixels, Template, Warp
 from pipeline.tracking.video import Image
 
@@ -63,6 +66,43 @@ def align(image: Image, template: Template, start: Warp, predicted_linear: Float
     looseness         factor on the prior's sigmas, for a target not seen for a while
     """
     patch = Patch.cut(image, start, template.shape, template.step_px, REACH_PX)
+    way = aligned_compiled if _kernels.AVAILABLE else aligned_plain
+    return way(image, template, patch, start, predicted_linear, looseness)
+
+
+def aligned_compiled(
+    image: Image, template: Template, patch: Patch, start: Warp, predicted_linear: Floats, looseness: float
+) -> Alignment:
+    """What `aligned_plain` does, compiled."""
+    settled: Callable[..., tuple[Any, ...]] = _kernels.settled
+    judged: Callable[..., tuple[Any, ...]] = _kernels.judged
+    weight = _nearness(template) / (SHARED_NOISE * template.spread) * _inside(template, image, start)
+    linear, centre, inverse, seen, robust = settled(
+        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread.reshape(-1),
+        weight.reshape(-1), template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
+        np.asarray(predicted_linear, float), _prior(looseness), ITERATIONS, ENOUGH_PX, ROBUST,
+    )  # fmt: skip
+    warp = Warp(linear=linear, centre_px=centre)
+    core = template.core & (_inside(template, image, warp) > 0)
+    raw, light, residual, agreeing, score = judged(
+        template.pixels, template.spread, template.trust, core, seen, robust, *TOLERANCE, ROBUST
+    )
+    return Alignment(
+        warp=warp,
+        covariance_px2=linear @ inverse[:2, :2] @ linear.T,
+        score=score,
+        agreeing=agreeing,
+        inside=float(core.sum() / max(1, int(template.core.sum()))),
+        raw=raw,
+        seen=light,
+        residual=residual,
+    )
+
+
+def aligned_plain(
+    image: Image, template: Template, patch: Patch, start: Warp, predicted_linear: Floats, looseness: float
+) -> Alignment:
+    """The alignment in plain numpy; `patch` is the image around `start`."""
     columns = _columns(template)
     prior = _prior(looseness)
     weight = _pixel_weight(template, image, start)
