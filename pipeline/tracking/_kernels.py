@@ -159,12 +159,35 @@ def _shape_offset(linear, predicted):  # type: ignore[no-untyped-def]
 
 
 @_compiled
+def _weights(spread, step, linear, centre, near, shared, image):  # type: ignore[no-untyped-def]
+    """Information of each pixel (h w,): near the tracked point, of small spread, inside the image (width, height)."""
+    h, w = spread.shape[0], spread.shape[1]
+    weight = np.empty(h * w, np.float32)
+    across = np.empty(w)
+    for j in range(w):
+        across[j] = np.exp(-0.5 * ((j - (w - 1) / 2) * step / near[0]) ** 2)
+    for i in range(h):
+        uy = (i - (h - 1) / 2) * step
+        down = np.exp(-0.5 * (uy / near[1]) ** 2)
+        for j in range(w):
+            ux = (j - (w - 1) / 2) * step
+            x = linear[0, 0] * ux + linear[0, 1] * uy + centre[0]
+            y = linear[1, 0] * ux + linear[1, 1] * uy + centre[1]
+            inside = x >= 0 and x <= image[0] - 1 and y >= 0 and y <= image[1] - 1
+            weight[i * w + j] = across[j] * down / (shared * spread[i, j]) if inside else 0.0
+    return weight
+
+
+@_compiled
 def settled(  # type: ignore[no-untyped-def]
-    piece, corner, pixels, spread, weight, step_px, linear, centre, predicted, prior, iterations, enough_px, robust_sigmas
-):
+    piece, corner, pixels, spreads, near, shared, image, step_px, linear, centre, predicted, prior, iterations,
+    enough_px, robust_sigmas,
+):  # fmt: skip
     """The descent: (linear, centre, inverse (10, 10), what is seen (3, n), robust weight (n,))."""
     h, w = pixels.shape[0], pixels.shape[1]
     n = h * w
+    spread = spreads.reshape(n)
+    weight = _weights(spreads, step_px, linear, centre, near, shared, image)
     columns = np.empty((7, 3, n), np.float32)
     _columns(pixels, step_px, columns)
     target, seen, change = np.empty((3, n), np.float32), np.empty((3, n), np.float32), np.empty((3, n), np.float32)
@@ -206,10 +229,21 @@ def settled(  # type: ignore[no-untyped-def]
 
 @_compiled
 def judged(  # type: ignore[no-untyped-def]
-    pixels, spread, trust, core, seen, robust, least_tolerance, most_tolerance, robust_sigmas
-):
-    """(raw, light (h, w, 3), residual (h, w), share agreeing, correlation); `core` only where the image reaches."""
+    pixels, spread, trust, core, seen, robust, step, linear, centre, image, least_tolerance, most_tolerance,
+    robust_sigmas,
+):  # fmt: skip
+    """(raw, light (h, w, 3), residual (h, w), share agreeing, correlation, share of the box inside the image)."""
     h, w = pixels.shape[0], pixels.shape[1]
+    box, core = 0, core.copy()
+    for i in range(h):
+        uy = (i - (h - 1) / 2) * step
+        for j in range(w):
+            if core[i, j]:
+                box += 1
+                ux = (j - (w - 1) / 2) * step
+                x = linear[0, 0] * ux + linear[0, 1] * uy + centre[0]
+                y = linear[1, 0] * ux + linear[1, 1] * uy + centre[1]
+                core[i, j] = x >= 0 and x <= image[0] - 1 and y >= 0 and y <= image[1] - 1
     raw, light, residual = np.empty_like(pixels), np.empty_like(pixels), np.empty((h, w), np.float32)
     total, mean_seen, mean_own = 0.0, np.zeros(3), np.zeros(3)
     core_total, core_seen, core_own, members = 0.0, np.zeros(3), np.zeros(3), 0
@@ -260,4 +294,4 @@ def judged(  # type: ignore[no-untyped-def]
                     agreeing += trust[i, j]
     norm = np.sqrt(aa * bb)
     score = -1.0 if members < 4 else (ab / norm if norm > 1e-6 else 0.0)
-    return raw, light, residual, agreeing / max(1e-9, sure), score
+    return raw, light, residual, agreeing / max(1e-9, sure), score, members / max(1, box)

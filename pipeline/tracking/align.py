@@ -76,23 +76,22 @@ def aligned_compiled(
     """What `aligned_plain` does, compiled."""
     settled: Callable[..., tuple[Any, ...]] = _kernels.settled
     judged: Callable[..., tuple[Any, ...]] = _kernels.judged
-    weight = _nearness(template) / (SHARED_NOISE * template.spread) * _inside(template, image, start)
+    image_px, near = np.array(image.shape[1::-1], float), np.array(_near_px(template))
     linear, centre, inverse, seen, robust = settled(
-        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread.reshape(-1),
-        weight.reshape(-1), template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
+        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, near, SHARED_NOISE, image_px,
+        template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
         np.asarray(predicted_linear, float), _prior(looseness), ITERATIONS, ENOUGH_PX, ROBUST,
     )  # fmt: skip
-    warp = Warp(linear=linear, centre_px=centre)
-    core = template.core & (_inside(template, image, warp) > 0)
-    raw, light, residual, agreeing, score = judged(
-        template.pixels, template.spread, template.trust, core, seen, robust, *TOLERANCE, ROBUST
-    )
+    raw, light, residual, agreeing, score, inside = judged(
+        template.pixels, template.spread, template.trust, template.core, seen, robust, template.step_px, linear, centre,
+        image_px, *TOLERANCE, ROBUST,
+    )  # fmt: skip
     return Alignment(
-        warp=warp,
+        warp=Warp(linear=linear, centre_px=centre),
         covariance_px2=linear @ inverse[:2, :2] @ linear.T,
         score=score,
         agreeing=agreeing,
-        inside=float(core.sum() / max(1, int(template.core.sum()))),
+        inside=inside,
         raw=raw,
         seen=light,
         residual=residual,
@@ -158,8 +157,14 @@ def _pixel_weight(template: Template, image: Image, warp: Warp) -> Pixels:
 def _nearness(template: Template) -> Pixels:
     """How much each pixel (h, w) says about the tracked point: what is near it lies on the same surface."""
     ux, uy = template.grid()
-    wide, high = (max(NEAR * size, LEAST_NEAR_PX) for size in template.size_px)
+    wide, high = _near_px(template)
     return np.asarray(np.exp(-0.5 * ((ux[None, :] / wide) ** 2 + (uy[:, None] / high) ** 2)), np.float32)
+
+
+def _near_px(template: Template) -> tuple[float, float]:
+    """One sigma of the weight around the tracked point, across and down."""
+    width, height = template.size_px
+    return max(NEAR * width, LEAST_NEAR_PX), max(NEAR * height, LEAST_NEAR_PX)
 
 
 def _inside(template: Template, image: Image, warp: Warp) -> Pixels:

@@ -10,6 +10,7 @@ hidden    no learning; the region where the target can be is searched (`search`)
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,12 +18,12 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.align import Alignment, align
-from pipeline.tracking.background import Keyframe, moved
+from pipeline.tracking.background import Scene, moved
 from pipeline.tracking.coarse import Coarse, look, start_coarse
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import best_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample
+from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample, scale_of
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS = 2  # frames after a find that must agree with it
@@ -39,15 +40,6 @@ EXPECTED_SIGMAS, EXPECTED_S, EXPECTED_AGREEING, EXPECTED_BONUS = 2.0, 1.0, 0.2, 
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
-    """What the frame is to every target: time since the last, motion of the background, earlier frames."""
-
-    dt_s: float
-    cur_from_prev: Floats
-    keys: tuple[Keyframe, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,9 +81,7 @@ class Followed:
     @property
     def new(self) -> bool:
         """Whether it has not yet moved enough over the ground to tell it from what is around it in its box."""
-        return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * float(
-            np.sqrt(np.prod(self.template.size_px))
-        )
+        return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * self.template.size
 
 
 def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
@@ -108,9 +98,10 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
 
 
 def follow(
-    target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
+    target: Followed, scene: Scene, settings: TrackingSettings
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
+    image, frame = scene.pixels, scene.frame
     if target.gone:
         return target, ()
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
@@ -120,7 +111,7 @@ def follow(
     target, found = _looked(target, image, settings)
     if found is None:
         lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
-        return replace(lost, scale_when_lost=_scale(target.linear)), ()
+        return replace(lost, scale_when_lost=scale_of(target.linear)), ()
     target = _learned(target, image, found, scene, settings)
     fix = _fix(frame, found, target)
     if not target.pending:
@@ -178,16 +169,12 @@ def _searched(
     ), ()
 
 
-def _scale(linear: Floats) -> float:
-    return float(np.sqrt(abs(np.linalg.det(linear))))
-
-
 def _can_return(target: Followed, image: Image) -> bool:
     """Whether where it must be is still known: not far outside the image, where the background's motion is a guess."""
     height, width = image.shape[:2]
     x, y = target.course.position_px
     near = -width < x < 2 * width and -height < y < 2 * height
-    return bool(near and 0.5 < _scale(target.linear) / target.scale_when_lost < 2.0)
+    return bool(near and 0.5 < scale_of(target.linear) / target.scale_when_lost < 2.0)
 
 
 def _in_view(course: Course, image: Image) -> bool:
@@ -203,8 +190,8 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
     Where it is just where it was expected, and nearly all of it agrees, it may correlate less: the ground behind a
     small target takes part in its look.
     """
-    size = float(np.sqrt(np.prod(target.template.size_px)))
-    scale = _scale(found.warp.linear)
+    size = target.template.size
+    scale = found.warp.scale
     off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
     seen = np.array([found.score, found.agreeing])
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
@@ -215,7 +202,7 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
         bool(np.all(seen >= least))
         and found.inside >= LEAST_INSIDE
         and off < GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
-        and 0.7 < scale / _scale(target.linear) < 1.4
+        and 0.7 < scale / scale_of(target.linear) < 1.4
     )
 
 
@@ -271,7 +258,7 @@ def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, lea
     least_px  that the target must have moved since; None where it has not, or the ground was not in view
     """
     speed = float(np.hypot(*target.course.velocity)) * scene.dt_s
-    size = float(np.sqrt(np.prod(target.template.size_px) * abs(np.linalg.det(found.warp.linear))))
+    size = target.template.size * found.warp.scale
     away = [key for key in scene.keys if speed * key.age >= min(least_px, 0.5 * size)]
     if not away or found.inside < 1.0:
         return None
@@ -305,8 +292,15 @@ def _sigma_px(found: Alignment, size_px: tuple[float, float]) -> float:
     The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
     from one frame to the next.
     """
-    variance = float(np.trace(found.covariance_px2)) / 2
-    larger, smaller = np.linalg.svd(found.warp.linear, compute_uv=False)
-    changed = abs(np.log(larger * smaller)) / 2 + np.log(larger / smaller)
-    view = VIEW_SHARE * changed * float(np.sqrt(np.prod(size_px) * larger * smaller))
-    return float(np.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2))
+    variance = float(found.covariance_px2[0, 0] + found.covariance_px2[1, 1]) / 2
+    larger, smaller = _stretches(found.warp.linear)
+    changed = abs(math.log(larger * smaller)) / 2 + math.log(larger / smaller)
+    view = VIEW_SHARE * changed * math.sqrt(size_px[0] * size_px[1] * larger * smaller)
+    return math.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2)
+
+
+def _stretches(linear: Floats) -> tuple[float, float]:
+    """Singular values of (2, 2), written out: larger, smaller."""
+    (a, b), (c, d) = linear.tolist()
+    turned, mirrored = math.hypot(a + d, b - c), math.hypot(a - d, b + c)
+    return (turned + mirrored) / 2, max(abs(turned - mirrored) / 2, 1e-9)

@@ -7,8 +7,6 @@ counted from frame 0. Containers that say how they are rotated are shown upright
 from __future__ import annotations
 
 import os
-import queue
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.errors import InputFileError
+from pipeline.tracking.ahead import ahead
 from pipeline.tracking.records import VideoTimes
 
 Image = npt.NDArray[np.uint8]
@@ -48,7 +47,7 @@ def video_times(path: Path) -> VideoTimes:
     Raises InputFileError where there is no video or no frame in it.
     """
     head = video_head(path)  # of the upright picture; the packets know nothing of rotation
-    capture = _opened(path, [cv2.CAP_PROP_FORMAT, -1])
+    capture = opened(path, [cv2.CAP_PROP_FORMAT, -1])
     stamps: list[float] = []
     while capture.grab():
         stamps.append(capture.get(cv2.CAP_PROP_POS_MSEC))
@@ -66,7 +65,7 @@ def video_head(path: Path) -> VideoHead:
 
     Raises InputFileError where there is no video.
     """
-    capture = _opened(path)
+    capture = opened(path)
     head = _head(capture, path)
     capture.release()
     return head
@@ -77,64 +76,33 @@ def frames_of(path: Path) -> Iterator[Frame]:
 
     Raises InputFileError where there is no video or not a single frame.
     """
-    capture = _opened(path)
-    rate = _head(capture, path).frame_rate
-    ready: queue.Queue[tuple[float, Image] | BaseException | None] = queue.Queue(AHEAD)
-    stop = threading.Event()
-    worker = threading.Thread(target=_decode, args=(capture, ready, stop), daemon=True)
-    worker.start()
+    yield from ahead(_decoded(path), AHEAD)
+
+
+def _decoded(path: Path) -> Iterator[Frame]:
+    capture = opened(path)
     try:
-        yield from _numbered(ready, rate, path)
+        rate = _head(capture, path).frame_rate
+        index, first, last = 0, 0.0, -1.0
+        while (read := capture.read())[0]:
+            stamp = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
+            first = stamp if index == 0 else first
+            time_s = stamp - first
+            if index and time_s <= last:  # a container without times
+                time_s = last + 1.0 / rate
+            yield Frame(index=index, time_s=time_s, pixels=np.asarray(read[1], np.uint8))
+            index, last = index + 1, time_s
     finally:
-        stop.set()
-        while worker.is_alive():
-            _drain(ready)
-            worker.join(0.02)
         capture.release()
-
-
-def _numbered(
-    ready: queue.Queue[tuple[float, Image] | BaseException | None], rate: float, path: Path
-) -> Iterator[Frame]:
-    index, first, last = 0, 0.0, -1.0
-    while (item := ready.get()) is not None:
-        if isinstance(item, BaseException):
-            raise item
-        stamp, pixels = item
-        first = stamp if index == 0 else first
-        time_s = stamp - first
-        if index and time_s <= last:  # a container without times
-            time_s = last + 1.0 / rate
-        yield Frame(index=index, time_s=time_s, pixels=pixels)
-        index, last = index + 1, time_s
     if index == 0:
         raise _no_frames(path)
 
 
-def _decode(
-    capture: cv2.VideoCapture, ready: queue.Queue[tuple[float, Image] | BaseException | None], stop: threading.Event
-) -> None:
-    try:
-        while not stop.is_set():
-            good, pixels = capture.read()
-            if not good:
-                break
-            ready.put((capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3, np.asarray(pixels, np.uint8)))
-    except BaseException as error:
-        ready.put(error)
-    else:
-        ready.put(None)
+def opened(path: Path, parameters: list[int] | None = None) -> cv2.VideoCapture:
+    """The video, opened and silent.
 
-
-def _drain(ready: queue.Queue[tuple[float, Image] | BaseException | None]) -> None:
-    try:
-        while True:
-            ready.get_nowait()
-    except queue.Empty:
-        return
-
-
-def _opened(path: Path, parameters: list[int] | None = None) -> cv2.VideoCapture:
+    Raises InputFileError where it is none.
+    """
     if not path.is_file():
         raise InputFileError(
             where=str(path),
