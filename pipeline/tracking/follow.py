@@ -38,6 +38,7 @@ NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, agreeing so nearly, may score so much less
 EXPECTED_SIGMAS, EXPECTED_S, EXPECTED_AGREEING, EXPECTED_BONUS = 2.0, 1.0, 0.2, 0.22
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
+APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
 
@@ -217,8 +218,8 @@ def _learned(
         spread_rate = max(SPREAD_RATE, 1.0 / (target.fixes + 3.0)) if target.new else SPREAD_RATE
         rate = settings.adaptation if whole or target.new else 0.0
         template = adapted(template, found.seen, found.residual, rate, spread_rate)
-        if rate > 0:
-            template = _set_apart(template, target, found, scene, spread_rate)
+        if rate > 0 and (target.new or scene.frame % APART_EVERY == 0):
+            template = _set_apart(template, target, found, scene, spread_rate * (1 if target.new else APART_EVERY))
     coarse = target.coarse
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)

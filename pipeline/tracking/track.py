@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Floats, Ints
 from pipeline.errors import TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
 from pipeline.tracking.ahead import ahead
@@ -63,7 +64,7 @@ def track_video(
         for name, box in boxes.items():
             _check_frame(box, f"targets.{name}.boxes.{camera}", len(video.time_s), path)
         _backwards(path, follower, video, back, tell, head)
-    fixes = {name: sorted(found, key=lambda fix: fix.frame) for name, found in follower.fixes.items()}
+    fixes = {name: follower.fixes(name) for name in boxes}
     tracks = tuple(_track(camera, name, fixes[name], video.time_s) for name in boxes)
     for track, box in zip(tracks, boxes.values(), strict=True):
         _check_followed(track, box, path)
@@ -86,13 +87,23 @@ class _Video:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fixes:
+    """Every fix of one target: frame (k,), xy_px (k, 2), sigma_px (k,), linear (k, 2, 2) as in `Fix`."""
+
+    frame: Ints
+    xy_px: Floats
+    sigma_px: Floats
+    linear: Floats
+
+
 class _Follower:
     """Every target at its present frame, and its fixes so far; targets are followed side by side in threads."""
 
     def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
         self.boxes, self.settings, self.pool = boxes, settings, pool
         self.targets: dict[str, Followed] = {}
-        self.fixes: dict[str, list[Fix]] = {name: [] for name in boxes}
+        self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
 
     def turn_round(self) -> None:
         """From here on every target starts at its box again."""
@@ -100,11 +111,19 @@ class _Follower:
 
     def go_on(self, part: Sequence[Scene]) -> None:
         """Follows every target through consecutive scenes."""
-        for name, (target, new) in zip(self.boxes, self.pool.map(self._through, self.boxes, repeat(part)), strict=True):
+        side_by_side = self.pool.map if len(self.boxes) > 1 else map
+        for name, (target, new) in zip(self.boxes, side_by_side(self._through, self.boxes, repeat(part)), strict=True):
             if target is not None:
                 self.targets[name] = target
-            known = {fix.frame for fix in self.fixes[name][:1]}  # the box itself, on the way back
-            self.fixes[name] += [fix for fix in new if fix.frame not in known]
+            for fix in new:
+                self._rows[name].extend((fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel()))
+
+    def fixes(self, name: str) -> Fixes:
+        """Of one target, in order of time."""
+        rows = np.frombuffer(self._rows[name], float).reshape(-1, 8)
+        frame, first = np.unique(rows[:, 0].astype(int), return_index=True)  # the box is met on both ways
+        rows = rows[first]
+        return Fixes(frame=frame, xy_px=rows[:, 1:3], sigma_px=rows[:, 3], linear=rows[:, 4:].reshape(-1, 2, 2))
 
     def _through(self, name: str, part: Sequence[Scene]) -> tuple[Followed | None, list[Fix]]:
         target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
@@ -120,7 +139,7 @@ class _Follower:
 
 def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
-    times: list[float] = []
+    times = array("d")
     notes: list[str] = []
     size = (0, 0)
     part: list[Scene] = []
@@ -142,7 +161,7 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
     follower.go_on(part)
     if tell is not None:
         tell(len(times), len(times))
-    return _Video(time_s=np.asarray(times), size=size, notes=tuple(notes))
+    return _Video(time_s=np.array(times), size=size, notes=tuple(notes))
 
 
 def _backwards(
@@ -165,28 +184,25 @@ def _counted(progress: Progress, back: int) -> Counter:
     return lambda done, forward: progress(done, forward + more)
 
 
-def _track(camera: str, target: str, fixes: list[Fix], times: Floats) -> ImageTrack:
+def _track(camera: str, target: str, fixes: Fixes, times: Floats) -> ImageTrack:
     """A row for each frame from the first fix on."""
-    first = fixes[0].frame
-    n = len(times) - first
+    first = int(fixes.frame[0])
+    n, rows = len(times) - first, fixes.frame - first
     xy, sigma, state = np.full((n, 2), np.nan), np.full(n, np.nan), np.full(n, LOST)
-    for fix in fixes:
-        row = fix.frame - first
-        xy[row], sigma[row] = fix.xy_px, fix.sigma_px
-        state[row] = REACQUIRED if row and state[row - 1] == LOST else TRACKED
+    xy[rows], sigma[rows] = fixes.xy_px, fixes.sigma_px
+    state[rows] = np.where(np.diff(rows, prepend=-1) > 1, REACQUIRED, TRACKED)
     frame = np.arange(first, len(times))
     return ImageTrack(
         camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state
     )
 
 
-def _outlines(box: Box, fixes: list[Fix], frames: int) -> Floats:
+def _outlines(box: Box, fixes: Fixes, frames: int) -> Floats:
     """Corners (n, 4, 2) of the box as it was carried along."""
     corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([box.width, box.height]) / 2
-    first = fixes[0].frame
+    first = int(fixes.frame[0])
     outlines = np.full((frames - first, 4, 2), np.nan)
-    for fix in fixes:
-        outlines[fix.frame - first] = corner @ fix.linear.T + np.array(fix.xy_px)
+    outlines[fixes.frame - first] = corner @ fixes.linear.transpose(0, 2, 1) + fixes.xy_px[:, None]
     return outlines
 
 
