@@ -54,7 +54,8 @@ def lengthened(path: Path, minutes: float) -> Path:
 
     program, both, long = imageio_ffmpeg.get_ffmpeg_exe(), path.with_name("both.mp4"), path.with_name("long.mp4")
     turned = "[0:v]split[a][b];[b]reverse[r];[a][r]concat"
-    subprocess.run([program, "-loglevel", "error", "-i", path, "-filter_complex", turned, "-crf", "23", both], check=True)
+    encode = [program, "-loglevel", "error", "-i", path, "-filter_complex", turned, "-crf", "23", both]
+    subprocess.run(encode, check=True)
     loops = str(round(minutes * 60 / 20) - 1)
     copy = [program, "-loglevel", "error", "-stream_loop", loops, "-i", both, "-c", "copy", long]
     subprocess.run(copy, check=True)

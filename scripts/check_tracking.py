@@ -17,8 +17,9 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from pipeline.records import Box
 from pipeline.tracking import track_video
-from tests.integration.tracking.moving_scene import Scene, first_box, render, scene, truth, write
+from tests.integration.tracking.moving_scene import Car, Scene, first_box, render, scene, truth, write
 
 HELD_OUT = tuple(range(9001, 9011))
 VISIBLE, HIDDEN, SOON_FRAMES, NEAR_PX = 0.9, 0.1, 25, 3.0
@@ -44,6 +45,19 @@ def drawn_scene(seed: int) -> tuple[Scene, int]:
     return scene(seed, lengths=lengths, hidden=hidden, speed=rng.uniform(1.0, 3.0)), 18 if seed % 2 else 28
 
 
+def first_in_view(made: Scene, car: Car) -> int:
+    """The first frame from which a car is wholly in view for ten frames: there its box is drawn."""
+    inside = truth(made, car, first_box(made, car))[1] > 0.99
+    return next((f for f in range(len(inside) - 10) if inside[f : f + 10].all()), 0)
+
+
+def whole(rows: np.ndarray, frames: int) -> np.ndarray:
+    """A track's rows, NaN before its first."""
+    out = np.full((frames, *rows.shape[1:]), np.nan)
+    out[frames - len(rows) :] = rows
+    return out
+
+
 def figures(xy: np.ndarray, sigma: np.ndarray, true: np.ndarray, share: np.ndarray) -> Figures:
     """What a track (frames, 2; NaN where there is no fix) is worth."""
     fixed = np.isfinite(xy).all(axis=1)
@@ -59,19 +73,19 @@ def figures(xy: np.ndarray, sigma: np.ndarray, true: np.ndarray, share: np.ndarr
     )  # fmt: skip
 
 
-def raw_kcf(path: Path, box) -> np.ndarray:
+def raw_kcf(path: Path, box: Box) -> np.ndarray:
     """Centres (frames, 2) of OpenCV's KCF as it comes; NaN where it reports nothing."""
-    capture, centres, tracker = cv2.VideoCapture(str(path)), [], cv2.TrackerKCF.create()
+    capture, centres, tracker = cv2.VideoCapture(str(path)), [(np.nan, np.nan)] * box.frame, cv2.TrackerKCF.create()
+    for _ in range(box.frame):
+        capture.read()
     rectangle = tuple(round(v) for v in (box.x, box.y, box.width, box.height))
     while (frame := capture.read())[0]:
         good, found = True, rectangle
-        if centres:
+        if len(centres) > box.frame:
             good, found = tracker.update(frame[1])
         else:
             tracker.init(frame[1], rectangle)
-        centres.append(
-            (found[0] + found[2] / 2 - 0.5, found[1] + found[3] / 2 - 0.5) if good else (np.nan, np.nan)
-        )
+        centres.append((found[0] + found[2] / 2 - 0.5, found[1] + found[3] / 2 - 0.5) if good else (np.nan, np.nan))
     return np.array(centres)
 
 
@@ -106,11 +120,11 @@ def main() -> None:
             path = (arguments.keep or Path(scratch)) / f"check-{seed}.mp4"
             if not path.exists():
                 write(render(made), path, codec="h264", crf=crf)
-            boxes = {car.name: first_box(made, car) for car in made.cars}
+            boxes = {car.name: first_box(made, car, first_in_view(made, car)) for car in made.cars}
             tracks = track_video(path, camera="c", boxes=boxes).tracks
             for car, track in zip(made.cars, tracks, strict=True):
                 true, share = truth(made, car, boxes[car.name])
-                ours.append(figures(track.xy_px, track.sigma_px, true, share))
+                ours.append(figures(whole(track.xy_px, made.frames), whole(track.sigma_px, made.frames), true, share))
                 kcf = raw_kcf(path, boxes[car.name])
                 raw.append(figures(kcf, np.ones(len(kcf)), true, share))
                 print(row(f"{seed} {car.name} {car.size[0]:.0f} px", ours[-1:], True), flush=True)

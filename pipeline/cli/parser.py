@@ -67,6 +67,9 @@ def _flight_command(commands: Commands, name: str, what: str) -> None:
     parser = _command(commands, name, what, f"runningfix {name} flight.toml -o out/")
     parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="out/", help=OUT_HELP)
+    if name == "track":
+        words = "also write each video with its tracks, predictions and uncertainties drawn on it"
+        parser.add_argument("--overlay", action="store_true", help=words)
     if name in ("solve", "run"):
         methods = ("triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map")
         parser.add_argument("--method", choices=methods, help="instead of [solve] method in the flight file")

@@ -129,7 +129,7 @@ def _right_side(columns, weight, change, out):  # type: ignore[no-untyped-def]
 
 @_compiled
 def _doubted(weight, columns, change, step, spread, robust_sigmas, out):  # type: ignore[no-untyped-def]
-    """`weight` times the robust weight (Geman-McClure) of what `step` (10,) leaves of the residuals, into `out` (n,)."""
+    """`weight` times the robust weight (Geman-McClure) of what `step` (10,) leaves over, into `out` (n,)."""
     n = weight.shape[0]
     s = step.astype(np.float32)
     total = np.zeros(n, np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -24,7 +24,7 @@ class _Ready(Generic[Item]):
 Ready = queue.Queue[_Ready[Item] | _Failed | None]
 
 
-def ahead(source: Iterator[Item], depth: int) -> Iterator[Item]:
+def ahead(source: Iterator[Item], depth: int) -> Generator[Item, None, None]:
     """The items of `source` in order, up to `depth` of them made in advance; its errors come out here.
 
     When this is closed the source is, in its own thread.

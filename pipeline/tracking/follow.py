@@ -98,9 +98,7 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
     return target, Fix(frame=box.frame, xy_px=box.centre_px, linear=np.eye(2), sigma_px=SIGMA_FLOOR_PX, score=1.0)
 
 
-def follow(
-    target: Followed, scene: Scene, settings: TrackingSettings
-) -> tuple[Followed, tuple[Fix, ...]]:
+def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[Followed, tuple[Fix, ...]]:
     """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
     image, frame = scene.pixels, scene.frame
     if target.gone:
@@ -157,7 +155,7 @@ def _searched(
         return target, ()
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     reach = 4.0 + 3.0 * target.course.sigma_px
-    turn = TURNS_RAD[frame % len(TURNS_RAD)] * (2.0 if frame % 8 > 3 and target.lost_s > 0.4 else 1.0)
+    turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
     found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
     if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
@@ -168,6 +166,11 @@ def _searched(
     return replace(
         _learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found, target),)
     ), ()
+
+
+def _turns(lost_s: float) -> int:
+    """How many times the least turn a target may have turned while it was hidden."""
+    return 1 + (lost_s > 0.4) + (lost_s > 1.2)
 
 
 def _can_return(target: Followed, image: Image) -> bool:

@@ -43,7 +43,7 @@ class Warp:
 def scale_of(linear: Floats) -> float:
     """Square root of the area that (2, 2) makes of a unit square; written out, as it is wanted often."""
     (a, b), (c, d) = linear.tolist()
-    return float(abs(a * d - b * c)) ** 0.5
+    return math.sqrt(abs(a * d - b * c))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

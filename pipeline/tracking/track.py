@@ -74,6 +74,7 @@ def track_video(
         frame_rate=head.frame_rate,
         image_size=video.size,
         outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
+        predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
         notes=(*video.notes, *_losses(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
     )
 
@@ -104,6 +105,7 @@ class _Follower:
         self.boxes, self.settings, self.pool = boxes, settings, pool
         self.targets: dict[str, Followed] = {}
         self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
+        self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
 
     def turn_round(self) -> None:
         """From here on every target starts at its box again."""
@@ -125,6 +127,16 @@ class _Follower:
         rows = rows[first]
         return Fixes(frame=frame, xy_px=rows[:, 1:3], sigma_px=rows[:, 3], linear=rows[:, 4:].reshape(-1, 2, 2))
 
+    def predicted(self, name: str, fixes: Fixes, frames: int) -> Floats:
+        """Where one target was looked for (n, 3), a row for each of its track's."""
+        first = int(fixes.frame[0])
+        looked = np.frombuffer(self._looked[name], float).reshape(-1, 4)
+        looked = looked[looked[:, 0] >= first]
+        places = np.full((frames - first, 3), np.nan)
+        places[looked[:, 0].astype(int) - first] = looked[:, 1:]
+        places[fixes.frame - first] = np.nan
+        return places
+
     def _through(self, name: str, part: Sequence[Scene]) -> tuple[Followed | None, list[Fix]]:
         target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
         for scene in part:
@@ -134,6 +146,8 @@ class _Follower:
             elif target is not None:
                 target, new = follow(target, scene, self.settings)
                 fixes += new
+                if target.hidden and not target.gone:
+                    self._looked[name].extend((scene.frame, *target.course.position_px, target.course.sigma_px))
         return target, fixes
 
 
