@@ -49,14 +49,7 @@ def _piece(
     capture: cv2.VideoCapture, path: Path, start: int, end: int, stamp_s: Floats
 ) -> tuple[list[Image], cv2.VideoCapture]:
     """Frames `start` to `end` - 1, and the capture to go on with."""
-    margin = 0
-    at = None
-    while at is None and start - margin > 0:
-        at = _sought(capture, start - margin, start, stamp_s)
-        margin = max(16, 4 * margin)
-    if at is None:
-        capture.release()
-        capture, at = opened(path), -1
+    capture, at = go_to(capture, path, start, stamp_s)
     while at < start - 1 and capture.grab():
         at += 1
     piece: list[Image] = []
@@ -68,6 +61,21 @@ def _piece(
             break
         piece.append(np.asarray(pixels, np.uint8))
     return piece, capture
+
+
+def go_to(capture: cv2.VideoCapture, path: Path, wanted: int, stamp_s: Floats) -> tuple[cv2.VideoCapture, int]:
+    """A capture that has grabbed frame `wanted` or one before it, and which (-1: none yet).
+
+    stamp_s  (n,) the container's times of all frames
+    """
+    margin = 0
+    while wanted - margin > 0:
+        at = _sought(capture, wanted - margin, wanted, stamp_s)
+        if at is not None:
+            return capture, at
+        margin = max(16, 4 * margin)
+    capture.release()
+    return opened(path), -1
 
 
 def _sought(capture: cv2.VideoCapture, wanted: int, most: int, stamp_s: Floats) -> int | None:

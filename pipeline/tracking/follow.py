@@ -80,6 +80,11 @@ class Followed:
     travelled_px: float = 0.0
 
     @property
+    def scale(self) -> float:
+        """Image pixels for one of the first box's frame."""
+        return scale_of(self.linear)
+
+    @property
     def new(self) -> bool:
         """Whether it has not yet moved enough over the ground to tell it from what is around it in its box."""
         return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * self.template.size
@@ -110,7 +115,7 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
     target, found = _looked(target, image, settings)
     if found is None:
         lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
-        return replace(lost, scale_when_lost=scale_of(target.linear)), ()
+        return replace(lost, scale_when_lost=target.scale), ()
     target = _learned(target, image, found, scene, settings)
     fix = _fix(frame, found, target)
     if not target.pending:
@@ -178,7 +183,7 @@ def _can_return(target: Followed, image: Image) -> bool:
     height, width = image.shape[:2]
     x, y = target.course.position_px
     near = -width < x < 2 * width and -height < y < 2 * height
-    return bool(near and 0.5 < scale_of(target.linear) / target.scale_when_lost < 2.0)
+    return bool(near and 0.5 < target.scale / target.scale_when_lost < 2.0)
 
 
 def _in_view(course: Course, image: Image) -> bool:
@@ -206,7 +211,7 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
         bool(np.all(seen >= least))
         and found.inside >= LEAST_INSIDE
         and off < GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
-        and 0.7 < scale / scale_of(target.linear) < 1.4
+        and 0.7 < scale / target.scale < 1.4
     )
 
 

@@ -79,6 +79,18 @@ def frames_of(path: Path) -> Iterator[Frame]:
     yield from ahead(_decoded(path), AHEAD)
 
 
+def first_stamp_s(path: Path) -> float:
+    """The container's own time of the first frame.
+
+    Raises InputFileError where there is no video.
+    """
+    capture = opened(path)
+    capture.grab()
+    stamp = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
+    capture.release()
+    return float(stamp)
+
+
 def _decoded(path: Path) -> Iterator[Frame]:
     capture = opened(path)
     try:
