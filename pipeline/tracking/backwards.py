@@ -14,10 +14,10 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.tracking.ahead import ahead
-from pipeline.tracking.video import Frame, Image, opened
+from pipeline.tracking.fields import upper_field
+from pipeline.tracking.video import SAME_S, Frame, Image, interlaced, opened
 
 PIECE_BYTES, LONGEST_PIECE, SHORTEST_PIECE = 128 << 20, 48, 6
-SAME_S = 2e-3
 
 
 def frames_back(path: Path, last: int, frame_time_s: Floats) -> Iterator[Frame]:
@@ -29,6 +29,7 @@ def frames_back(path: Path, last: int, frame_time_s: Floats) -> Iterator[Frame]:
 
 
 def _back(path: Path, last: int, frame_time_s: Floats) -> Iterator[Frame]:
+    woven = interlaced(path)
     capture = opened(path)
     try:
         good, first = capture.read()
@@ -38,8 +39,9 @@ def _back(path: Path, last: int, frame_time_s: Floats) -> Iterator[Frame]:
         while good and end > 0:
             start = max(0, end - length)
             piece, capture = _piece(capture, path, start, end, frame_time_s + first_s)
-            for index in range(start + len(piece) - 1, start - 1, -1):
-                yield Frame(index=index, time_s=float(frame_time_s[index]), pixels=piece[index - start])
+            for index in sorted(piece, reverse=True):
+                pixels = upper_field(piece[index]) if woven else piece[index]
+                yield Frame(index=index, time_s=float(frame_time_s[index]), pixels=pixels)
             end = start
     finally:
         capture.release()
@@ -47,20 +49,26 @@ def _back(path: Path, last: int, frame_time_s: Floats) -> Iterator[Frame]:
 
 def _piece(
     capture: cv2.VideoCapture, path: Path, start: int, end: int, stamp_s: Floats
-) -> tuple[list[Image], cv2.VideoCapture]:
-    """Frames `start` to `end` - 1, and the capture to go on with."""
+) -> tuple[dict[int, Image], cv2.VideoCapture]:
+    """Frames `start` to `end` - 1 by number, as many as decode, and the capture to go on with."""
     capture, at = go_to(capture, path, start, stamp_s)
-    while at < start - 1 and capture.grab():
-        at += 1
-    piece: list[Image] = []
-    if at == start:  # the seek led to the first frame itself
-        piece.append(np.asarray(capture.retrieve()[1], np.uint8))
-    while len(piece) < end - start:
-        good, pixels = capture.read()
-        if not good:
+    piece: dict[int, Image] = {}
+    if at < 0 and capture.grab():
+        at = 0
+    while 0 <= at < end:
+        if at >= start:
+            piece[at] = np.asarray(capture.retrieve()[1], np.uint8)
+        if not capture.grab():
             break
-        piece.append(np.asarray(pixels, np.uint8))
+        at = _number(capture, at + 1, stamp_s)
     return piece, capture
+
+
+def _number(capture: cv2.VideoCapture, least: int, stamp_s: Floats) -> int:
+    """Of the frame just grabbed, by its time; the next where the container does not know that time."""
+    seen_s = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
+    nearest = int(np.argmin(np.abs(stamp_s - seen_s)))
+    return nearest if nearest > least and abs(stamp_s[nearest] - seen_s) < SAME_S else least
 
 
 def go_to(capture: cv2.VideoCapture, path: Path, wanted: int, stamp_s: Floats) -> tuple[cv2.VideoCapture, int]:

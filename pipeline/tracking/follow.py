@@ -26,14 +26,17 @@ from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample, scale_of
 from pipeline.tracking.video import Image
 
-CONFIRMATIONS = 2  # frames after a find that must agree with it
+CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
+SLOWER, LEAST_TOLD_PX = (
+    0.3,
+    3.0,
+)  # a find moves over the ground at this share of the speed it had, where that can be told
 LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
 # what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
 TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
-MAY_HAVE_STOPPED_S = 5.0
 NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, agreeing so nearly, may score so much less
 EXPECTED_SIGMAS, EXPECTED_S, EXPECTED_AGREEING, EXPECTED_BONUS = 2.0, 1.0, 0.2, 0.22
@@ -55,13 +58,41 @@ class Fix:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Doubt:
+    """A find that waits for confirmation.
+
+    frames       that must agree with it
+    anchor_px    the ground where it was found, as the background carried it since
+    expected_px  how far the target would have gone over the ground since, at the speed it had
+    speed        that speed, px/s
+    """
+
+    frames: int
+    anchor_px: Floats
+    speed: float
+    expected_px: float = 0.0
+
+    def later(self, scene: Scene) -> Doubt:
+        """The same one frame later."""
+        anchor, _ = moved(scene.cur_from_prev, self.anchor_px)
+        return replace(self, anchor_px=anchor, expected_px=self.expected_px + self.speed * scene.dt_s)
+
+    def stands_still(self, now_px: Floats) -> bool:
+        """Whether what was found belongs to the ground, as far as that can be told."""
+        way = float(np.hypot(*(now_px - self.anchor_px)))
+        return self.expected_px > LEAST_TOLD_PX and way < SLOWER * self.expected_px
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Followed:
     """A target between two frames.
 
     usual    (score, share agreeing) of this target when all of it is seen
     pending  fixes after a loss that wait for confirmation; None while not in doubt
-    lost_s   how long it has been hidden
-    scale_when_lost  image pixels for one of the first box's frame, when it was last seen
+    doubt    how much must agree before they count
+    lost_s, lost_before_s  how long it has been hidden; and had been before a find that is in doubt
+    scale_when_lost, speed_when_lost  image pixels for one of the first box's frame, and over the ground per second,
+             when it was last seen
     hidden, gone  not seen now; not looked for any more
     fixes, travelled_px  so far; the way is over the ground
     """
@@ -73,6 +104,9 @@ class Followed:
     usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
     scale_when_lost: float = 1.0
+    speed_when_lost: float = 0.0
+    lost_before_s: float = 0.0
+    doubt: Doubt | None = None
     hidden: bool = False
     gone: bool = False
     pending: tuple[Fix, ...] = ()
@@ -114,16 +148,31 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, image, settings)
     if found is None:
-        lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
-        return replace(lost, scale_when_lost=target.scale), ()
+        lost = _lost_again(target, scene) if target.pending else _lost(target, scene)
+        return lost, ()
     target = _learned(target, image, found, scene, settings)
     fix = _fix(frame, found, target)
     if not target.pending:
         return target, (fix,)
-    pending = (*target.pending, fix)
-    if len(pending) <= CONFIRMATIONS:
-        return replace(target, pending=pending), ()
-    return replace(target, pending=()), pending
+    assert target.doubt is not None
+    pending, doubt = (*target.pending, fix), target.doubt.later(scene)
+    if len(pending) <= doubt.frames:
+        return replace(target, pending=pending, doubt=doubt), ()
+    if doubt.stands_still(found.warp.centre_px):
+        return _lost_again(target, scene), ()
+    return replace(target, pending=(), doubt=None), pending
+
+
+def _lost(target: Followed, scene: Scene) -> Followed:
+    speed = float(np.hypot(*target.course.velocity))
+    return replace(
+        target, hidden=True, coarse=None, lost_s=scene.dt_s, scale_when_lost=target.scale, speed_when_lost=speed
+    )
+
+
+def _lost_again(target: Followed, scene: Scene) -> Followed:
+    """A target whose find did not hold: lost as long as before."""
+    return replace(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=target.lost_before_s + scene.dt_s)
 
 
 def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
@@ -165,9 +214,11 @@ def _searched(
     found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
     if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
         return target, ()
-    if target.lost_s < MAY_HAVE_STOPPED_S and _part_of_scene(target, found, scene):
+    if _part_of_scene(target, found, scene):
         return target, ()
-    target = replace(target, hidden=False, coarse=None)
+    wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
+    doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
+    target = replace(target, hidden=False, coarse=None, doubt=doubt, lost_before_s=target.lost_s)
     return replace(
         _learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found, target),)
     ), ()

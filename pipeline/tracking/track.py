@@ -23,7 +23,7 @@ from pipeline.tracking.backwards import frames_back
 from pipeline.tracking.follow import Fix, Followed, begin, follow
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.video import VideoHead, frames_of, video_head
+from pipeline.tracking.video import VideoHead, frames_of, interlaced, video_head, video_times
 
 LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
 PART_FRAMES = 4  # handed to the targets' threads at a time
@@ -153,7 +153,8 @@ class _Follower:
 
 def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
-    times = array("d")
+    times, missing = array("d"), 0
+    known_s = video_times(path).frame_time_s
     notes: list[str] = []
     size = (0, 0)
     part: list[Scene] = []
@@ -165,6 +166,8 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
             notes.append(_size_note(scene.frame, now, size))
             break
         part.append(scene)
+        missing += scene.frame - len(times)
+        times.extend(known_s[len(times) : scene.frame])
         times.append(scene.time_s)
         if len(part) == PART_FRAMES:
             follower.go_on(part)
@@ -173,8 +176,14 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
             tell(len(times), max(head.frames, len(times)))
     found.close()
     follower.go_on(part)
+    if missing:
+        notes.append(f"{missing} of {len(times)} frames could not be decoded; they are rows without a fix")
     if tell is not None:
         tell(len(times), len(times))
+    if interlaced(path):
+        notes.append(
+            "the video is interlaced: the upper field of each frame is used, the lines between are interpolated"
+        )
     return _Video(time_s=np.array(times), size=size, notes=tuple(notes))
 
 
