@@ -1,7 +1,7 @@
 """Interlaced video: two half pictures of different moments, woven line by line.
 
-Where something moves in a woven picture, neighbouring lines differ more than lines two apart; in a picture of one
-moment they differ less. A woven picture is reduced to its upper field: its lines at their places, the lines between
+Where something moves in a woven picture, a line differs more from the lines next to it than from those two away; in a
+picture of one moment it differs less. A woven picture is reduced to its upper field: its lines at their places, the lines between
 interpolated, so that geometry and the moment are one again.
 """
 
@@ -24,10 +24,10 @@ def is_woven(pictures: Iterable[Image]) -> bool:
     for picture in pictures:
         grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(np.int16)
         if before is not None and before.shape == grey.shape:
-            moved = np.abs(grey - before)[1:-2] > MOVED_LEVELS
+            moved = np.abs(grey - before)[2:-2] > MOVED_LEVELS
             if moved.mean() > LEAST_MOVED:
-                neighbours += float(np.abs(grey[1:-2] - grey[2:-1])[moved].sum())
-                apart += float(np.abs(grey[1:-2] - grey[3:])[moved].sum())
+                neighbours += float(np.abs(2 * grey[2:-2] - grey[1:-3] - grey[3:-1])[moved].sum())
+                apart += float(np.abs(2 * grey[2:-2] - grey[:-4] - grey[4:])[moved].sum())
         before = grey
     return neighbours > WOVEN_RATIO * apart > 0
 
