@@ -1,7 +1,7 @@
 """Tracking against decoding alone, interleaved in one run on the same 720p video; and memory over a long video.
 
 usage: python scripts/bench_tracking.py [--rounds 7] [--crf 15] [--video FILE --box X,Y,W,H ...]
-       python scripts/bench_tracking.py --minutes 30        memory while a video of that length (480 x 270, two targets) is tracked
+       python scripts/bench_tracking.py --minutes 30     memory over that long a video (480 x 270, two targets)
 
 Without --video a scene with four cars is rendered and compressed by H.264 (extra `demo`). A round decodes the video
 with OpenCV as it comes, tracks one target, and tracks all; ratios are of each round's decoding, their median is told.

@@ -1,8 +1,8 @@
 """Interlaced video: two half pictures of different moments, woven line by line.
 
 Where something moves in a woven picture, a line differs more from the lines next to it than from those two away; in a
-picture of one moment it differs less. A woven picture is reduced to its upper field: its lines at their places, the lines between
-interpolated, so that geometry and the moment are one again.
+picture of one moment it differs less. A woven picture is reduced to its upper field: its lines at their places, the
+lines between interpolated, so that geometry and the moment are one again.
 """
 
 from __future__ import annotations
