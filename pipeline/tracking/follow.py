@@ -11,7 +11,7 @@ hidden    no learning; the region where the target can be is searched (`search`)
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,23 +19,19 @@ from calibration.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.align import Alignment, align
 from pipeline.tracking.background import Scene, moved
-from pipeline.tracking.coarse import Coarse, look, start_coarse
+from pipeline.tracking.coarse import look, start_coarse
+from pipeline.tracking.followed import Doubt, Fix, Followed
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import best_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample, scale_of
+from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
-SLOWER, LEAST_TOLD_PX = (
-    0.3,
-    3.0,
-)  # a find moves over the ground at this share of the speed it had, where that can be told
 LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
 # what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
 TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
-WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
 NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, agreeing so nearly, may score so much less
@@ -44,84 +40,6 @@ LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is beh
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Fix:
-    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since."""
-
-    frame: int
-    xy_px: tuple[float, float]
-    linear: Floats
-    sigma_px: float
-    score: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Doubt:
-    """A find that waits for confirmation.
-
-    frames       that must agree with it
-    anchor_px    the ground where it was found, as the background carried it since
-    expected_px  how far the target would have gone over the ground since, at the speed it had
-    speed        that speed, px/s
-    """
-
-    frames: int
-    anchor_px: Floats
-    speed: float
-    expected_px: float = 0.0
-
-    def later(self, scene: Scene) -> Doubt:
-        """The same one frame later."""
-        anchor, _ = moved(scene.cur_from_prev, self.anchor_px)
-        return replace(self, anchor_px=anchor, expected_px=self.expected_px + self.speed * scene.dt_s)
-
-    def stands_still(self, now_px: Floats) -> bool:
-        """Whether what was found belongs to the ground, as far as that can be told."""
-        way = float(np.hypot(*(now_px - self.anchor_px)))
-        return self.expected_px > LEAST_TOLD_PX and way < SLOWER * self.expected_px
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Followed:
-    """A target between two frames.
-
-    usual    (score, share agreeing) of this target when all of it is seen
-    pending  fixes after a loss that wait for confirmation; None while not in doubt
-    doubt    how much must agree before they count
-    lost_s, lost_before_s  how long it has been hidden; and had been before a find that is in doubt
-    scale_when_lost, speed_when_lost  image pixels for one of the first box's frame, and over the ground per second,
-             when it was last seen
-    hidden, gone  not seen now; not looked for any more
-    fixes, travelled_px  so far; the way is over the ground
-    """
-
-    template: Template
-    linear: Floats
-    course: Course
-    coarse: Coarse | None
-    usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
-    lost_s: float = 0.0
-    scale_when_lost: float = 1.0
-    speed_when_lost: float = 0.0
-    lost_before_s: float = 0.0
-    doubt: Doubt | None = None
-    hidden: bool = False
-    gone: bool = False
-    pending: tuple[Fix, ...] = ()
-    fixes: int = 0
-    travelled_px: float = 0.0
-
-    @property
-    def scale(self) -> float:
-        """Image pixels for one of the first box's frame."""
-        return scale_of(self.linear)
-
-    @property
-    def new(self) -> bool:
-        """Whether it has not yet moved enough over the ground to tell it from what is around it in its box."""
-        return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * self.template.size
 
 
 def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:

@@ -20,7 +20,8 @@ from calibration.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.background import Scene, moved, scenes
-from pipeline.tracking.follow import Followed, begin, follow
+from pipeline.tracking.follow import begin, follow
+from pipeline.tracking.followed import Followed
 from pipeline.tracking.moving import moving_boxes
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.video import Image, frames_of, video_head

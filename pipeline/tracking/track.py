@@ -20,7 +20,8 @@ from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.background import Scene, scenes
 from pipeline.tracking.backwards import frames_back
-from pipeline.tracking.follow import Fix, Followed, begin, follow
+from pipeline.tracking.follow import begin, follow
+from pipeline.tracking.followed import Fix, Followed
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.video import VideoHead, frames_of, interlaced, video_head, video_times
