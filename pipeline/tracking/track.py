@@ -155,11 +155,11 @@ class _Follower:
 def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
     times, missing = array("d"), 0
-    known_s = video_times(path).frame_time_s
+    known_s, woven = video_times(path).frame_time_s, interlaced(path)
     notes: list[str] = []
     size = (0, 0)
     part: list[Scene] = []
-    found = ahead(scenes(frames_of(path)), PART_FRAMES)
+    found = ahead(scenes(frames_of(path, known_s, woven)), PART_FRAMES)
     for scene in found:
         now = scene.pixels.shape[1], scene.pixels.shape[0]
         size = size if times else now
@@ -181,7 +181,7 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
         notes.append(f"{missing} of {len(times)} frames could not be decoded; they are rows without a fix")
     if tell is not None:
         tell(len(times), len(times))
-    if interlaced(path):
+    if woven:
         notes.append(
             "the video is interlaced: the upper field of each frame is used, the lines between are interpolated"
         )

@@ -75,12 +75,15 @@ def video_head(path: Path) -> VideoHead:
     return head
 
 
-def frames_of(path: Path) -> Iterator[Frame]:
+def frames_of(path: Path, frame_time_s: Floats | None = None, woven: bool | None = None) -> Iterator[Frame]:
     """Every frame that decodes, in order; a thread decodes ahead, memory is constant.
+
+    frame_time_s, woven  of `video_times` and `interlaced`, where they are known already
 
     Raises InputFileError where there is no video or not a single frame.
     """
-    yield from ahead(_decoded(path), AHEAD)
+    times = video_times(path).frame_time_s if frame_time_s is None else frame_time_s
+    yield from ahead(_decoded(path, times, interlaced(path) if woven is None else woven), AHEAD)
 
 
 def first_stamp_s(path: Path) -> float:
@@ -95,10 +98,8 @@ def first_stamp_s(path: Path) -> float:
     return float(stamp)
 
 
-def _decoded(path: Path) -> Iterator[Frame]:
+def _decoded(path: Path, times: Floats, woven: bool) -> Iterator[Frame]:
     """Frames by their place among the container's times, so that one that does not decode leaves its number free."""
-    times = video_times(path).frame_time_s
-    woven = interlaced(path)
     capture = opened(path)
     try:
         head = _head(capture, path)
@@ -138,8 +139,10 @@ def grabbed(capture: cv2.VideoCapture, head: VideoHead) -> Iterator[float]:
                 refused = 0
         else:
             refused += 1
+            if done == 0:
+                return
             place = max(done, round(last_s * head.frame_rate) + 1) + refused
-            if done == 0 or place >= head.frames - 1 or not capture.set(cv2.CAP_PROP_POS_FRAMES, place):
+            if place >= head.frames - 1 or not capture.set(cv2.CAP_PROP_POS_FRAMES, place):
                 return
 
 
