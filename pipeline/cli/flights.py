@@ -13,7 +13,7 @@ from pipeline.errors import DID_NOT_CONVERGE
 from pipeline.flight import read_flight
 from pipeline.stages import RunSummary, run_flight, run_poses, run_solve, run_track
 
-ACTIONS = {"track": run_track, "poses": run_poses, "solve": run_solve, "run": run_flight}
+ACTIONS = {"poses": run_poses, "solve": run_solve, "run": run_flight}
 FIGURES = ("status", "method", "iterations", "cost", "chi_square", "degrees_of_freedom", "message")
 
 
@@ -23,7 +23,10 @@ def run(arguments: Namespace, console: Console) -> int:
     if getattr(arguments, "method", None):
         flight = replace(flight, solve=replace(flight.solve, method=arguments.method))
     console.detail(f"{arguments.command}: {len(flight.cameras)} cameras, {len(flight.targets)} targets -> {out}")
-    summary = ACTIONS[arguments.command](flight, out, progress=console.progress)
+    if arguments.command == "track":
+        summary = run_track(flight, out, overlay=arguments.overlay, progress=console.progress)
+    else:
+        summary = ACTIONS[arguments.command](flight, out, progress=console.progress)
     for warning in summary.warnings:
         console.say(f"note: {warning}")
     solved = arguments.command in ("solve", "run")

@@ -20,6 +20,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _calibrate(commands)
+    _detect(commands)
+    _label(commands)
     for name, what in (
         ("track", "follow the targets in the videos -> tracks.csv"),
         ("poses", "read the flight logs -> poses.csv"),
@@ -63,10 +65,37 @@ def _calibrate(commands: Commands) -> None:
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="camera.json", help="file to write")
 
 
+def _detect(commands: Commands) -> None:
+    parser = _command(
+        commands, "detect", "propose moving targets in a video: pictures, and boxes for the flight file",
+        "runningfix detect uav1.mp4 --camera uav1 -o detect/",
+    )  # fmt: skip
+    parser.add_argument("video", type=Path, metavar="VIDEO", help="the video")
+    parser.add_argument("--camera", metavar="NAME", help="of the camera in the flight file (default: the file's name)")
+    parser.add_argument("--most", type=int, default=12, help="how many targets to propose (default 12)")
+    parser.add_argument("-o", "--output", default=Path("detect"), type=Path, metavar="detect/", help=OUT_HELP)
+
+
+def _label(commands: Commands) -> None:
+    parser = _command(
+        commands, "label", "draw and correct boxes in a web page of this machine, into the flight file",
+        "runningfix label flight.toml -o out/",
+    )  # fmt: skip
+    parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file; it is edited in place")
+    parser.add_argument(
+        "-o", "--output", default=Path("out"), type=Path, metavar="out/", help="where tracks.csv is, or goes"
+    )
+    parser.add_argument("--port", type=int, default=0, help="of the page (default: a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only say the address")
+
+
 def _flight_command(commands: Commands, name: str, what: str) -> None:
     parser = _command(commands, name, what, f"runningfix {name} flight.toml -o out/")
     parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="out/", help=OUT_HELP)
+    if name == "track":
+        words = "also write each video with its tracks, predictions and uncertainties drawn on it"
+        parser.add_argument("--overlay", action="store_true", help=words)
     if name in ("solve", "run"):
         methods = ("triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map")
         parser.add_argument("--method", choices=methods, help="instead of [solve] method in the flight file")

@@ -28,7 +28,7 @@ from pipeline.stages.problem import build_problem, read_models
 from pipeline.stages.progress import Progress, silent
 from pipeline.stages.results import all_refined, file_hash, gather_results, input_files, versions
 from pipeline.stages.sources import Sources, open_sources
-from pipeline.stages.tracks import boxes_of, detections, read_tracks, wanted
+from pipeline.stages.tracks import boxes_of, detections, draw_overlay, read_tracks, wanted
 from pipeline.stages.workers import track_all
 
 Opener = Callable[[], Sources]
@@ -93,9 +93,12 @@ def check_inputs(flight: Flight) -> dict[str, CameraModel]:
 # --- track ---------------------------------------------------------------------------------------------------------
 
 
-def run_track(flight: Flight, out: Path, *, resume: bool = False, progress: Progress = silent) -> RunSummary:
-    """Tracks every video, camera by camera, then writes `tracks.csv`."""
+def run_track(
+    flight: Flight, out: Path, *, resume: bool = False, overlay: bool = False, progress: Progress = silent
+) -> RunSummary:
+    """Tracks every video, camera by camera, then writes `tracks.csv`, and with `overlay` the drawn-on videos."""
     clock, ledger = _Clock(), Ledger(out)
+    drawn: list[str] = []
     with clock.stage("track"):
         keys = _track_keys(flight)
         todo = [name for name, key in keys.items() if not (resume and ledger.finished(_entry(flight, name), key))]
@@ -105,12 +108,14 @@ def run_track(flight: Flight, out: Path, *, resume: bool = False, progress: Prog
                 keys[name],
                 {_part(flight, name): tracks_csv(found.tracks), _notes(flight, name): "\n".join(found.notes)},
             )
+            if overlay:
+                drawn.append(draw_overlay(flight, name, found, out, progress))
         key = key_of({"parts": keys, "detections": _detection_hashes(flight)})
         skipped = resume and not todo and ledger.finished("track", key)
         if not skipped:
             ledger.record("track", key, {"tracks.csv": tracks_csv(_joined(flight, out))})
     return RunSummary(
-        files=("tracks.csv",),
+        files=("tracks.csv", *drawn),
         seconds=clock.seconds,
         skipped=("track",) if skipped else (),
         warnings=tracking_notes(flight, out),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,8 @@ from pipeline.export import read_detections_csv, read_tracks_csv
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import Box, ImageTrack
 from pipeline.stages.frames import VideoClock, frame_rate, video_clock, video_time_s
-from pipeline.tracking import VideoTracks, track_video
+from pipeline.stages.progress import Progress
+from pipeline.tracking import VideoTracks, track_video, write_overlay
 
 DEFAULT_PIXEL_SIGMA = 1.0
 PLACE_FLOOR_PX, PLACE_SHARE = 0.25, 0.01
@@ -69,6 +71,19 @@ def track_camera(
         replace(track, time_s=track.time_s * scale, sigma_px=track.sigma_px * worth) for track in found.tracks
     )
     return replace(found, tracks=tracks)
+
+
+def draw_overlay(flight: Flight, name: str, found: VideoTracks, out: Path, progress: Progress) -> str:
+    """Writes one camera's video with its tracks drawn on; the file's name in `out`.
+
+    Raises WriteError where it cannot be written.
+    """
+    camera = flight.camera(name)
+    assert camera.video is not None
+    plain = re.fullmatch(r"[A-Za-z0-9_-]+", name)
+    file = f"overlay-{name if plain else [c.name for c in flight.cameras].index(name)}.mp4"
+    write_overlay(camera.video, found, out / file, lambda done, total: progress(f"overlay {name}", done, total))
+    return file
 
 
 def detections(flight: Flight, camera: CameraSettings) -> tuple[ImageTrack, ...]:

@@ -14,12 +14,15 @@ step.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
 from calibration.arrays import Floats
+from pipeline.tracking import _kernels
 from pipeline.tracking.template import Patch, Pixels, Template, Warp
 from pipeline.tracking.video import Image
 
@@ -63,6 +66,42 @@ def align(image: Image, template: Template, start: Warp, predicted_linear: Float
     looseness         factor on the prior's sigmas, for a target not seen for a while
     """
     patch = Patch.cut(image, start, template.shape, template.step_px, REACH_PX)
+    way = aligned_compiled if _kernels.AVAILABLE else aligned_plain
+    return way(image, template, patch, start, predicted_linear, looseness)
+
+
+def aligned_compiled(
+    image: Image, template: Template, patch: Patch, start: Warp, predicted_linear: Floats, looseness: float
+) -> Alignment:
+    """What `aligned_plain` does, compiled."""
+    settled: Callable[..., tuple[Any, ...]] = _kernels.settled
+    judged: Callable[..., tuple[Any, ...]] = _kernels.judged
+    image_px, near = np.array(image.shape[1::-1], float), np.array(_near_px(template))
+    linear, centre, inverse, seen, robust = settled(
+        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, near, SHARED_NOISE, image_px,
+        template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
+        np.asarray(predicted_linear, float), _prior(looseness), ITERATIONS, ENOUGH_PX, ROBUST,
+    )  # fmt: skip
+    raw, light, residual, agreeing, score, inside = judged(
+        template.pixels, template.spread, template.trust, template.core, seen, robust, template.step_px, linear, centre,
+        image_px, *TOLERANCE, ROBUST,
+    )  # fmt: skip
+    return Alignment(
+        warp=Warp(linear=linear, centre_px=centre),
+        covariance_px2=linear @ inverse[:2, :2] @ linear.T,
+        score=score,
+        agreeing=agreeing,
+        inside=inside,
+        raw=raw,
+        seen=light,
+        residual=residual,
+    )
+
+
+def aligned_plain(
+    image: Image, template: Template, patch: Patch, start: Warp, predicted_linear: Floats, looseness: float
+) -> Alignment:
+    """The alignment in plain numpy; `patch` is the image around `start`."""
     columns = _columns(template)
     prior = _prior(looseness)
     weight = _pixel_weight(template, image, start)
@@ -118,8 +157,14 @@ def _pixel_weight(template: Template, image: Image, warp: Warp) -> Pixels:
 def _nearness(template: Template) -> Pixels:
     """How much each pixel (h, w) says about the tracked point: what is near it lies on the same surface."""
     ux, uy = template.grid()
-    wide, high = (max(NEAR * size, LEAST_NEAR_PX) for size in template.size_px)
+    wide, high = _near_px(template)
     return np.asarray(np.exp(-0.5 * ((ux[None, :] / wide) ** 2 + (uy[:, None] / high) ** 2)), np.float32)
+
+
+def _near_px(template: Template) -> tuple[float, float]:
+    """One sigma of the weight around the tracked point, across and down."""
+    width, height = template.size_px
+    return max(NEAR * width, LEAST_NEAR_PX), max(NEAR * height, LEAST_NEAR_PX)
 
 
 def _inside(template: Template, image: Image, warp: Warp) -> Pixels:

@@ -7,6 +7,7 @@ acts as its value plus its Jacobian; that is what carries a target's position, v
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -14,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from calibration.arrays import Floats
-from pipeline.tracking.video import Image
+from pipeline.tracking.video import Frame, Image
 
 CORNERS, REFRESH, FEWEST = 150, 6, 12
 KEY_EVERY, KEYS = 6, 3  # a frame in so many is kept, and so many of them
 REDUCED_WIDTH_PX = 320
-FLOW_WINDOW = (15, 15)
+FLOW_WINDOW, FLOW_LEVELS = (9, 9), 3
+FLOW_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.03
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,6 +31,37 @@ class Keyframe:
     pixels: Image
     cur_from_key: Floats
     age: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """A frame and what it is to every target: number, time, pixels, motion of the background, earlier frames."""
+
+    frame: int
+    time_s: float
+    pixels: Image
+    dt_s: float
+    cur_from_prev: Floats
+    keys: tuple[Keyframe, ...]
+
+
+def scenes(frames: Iterator[Frame]) -> Iterator[Scene]:
+    """Every frame with the motion of its background since the one before; `frames` may run backwards in time."""
+    background, last_s = None, 0.0
+    for frame in frames:
+        if background is None or background.size != frame.pixels.shape[1::-1]:
+            background, motion, last_s = first_background(frame.pixels), np.eye(3), frame.time_s
+        else:
+            background, motion = advance(background, frame.pixels)
+        yield Scene(
+            frame=frame.index,
+            time_s=frame.time_s,
+            pixels=frame.pixels,
+            dt_s=abs(frame.time_s - last_s),
+            cur_from_prev=motion,
+            keys=background.keys,
+        )
+        last_s = frame.time_s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +76,11 @@ class Background:
     age: int
     factor: int
     keys: tuple[Keyframe, ...]
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        """(width, height) of the frames."""
+        return self.keys[0].pixels.shape[1::-1]
 
 
 def first_background(pixels: Image) -> Background:
@@ -78,24 +116,20 @@ def _key(pixels: Image) -> Keyframe:
 
 def moved(cur_from_prev: Floats, xy_px: Floats) -> tuple[Floats, Floats]:
     """Where H takes one point (2,), and its Jacobian (2, 2) there."""
-    p = cur_from_prev @ np.array([xy_px[0], xy_px[1], 1.0])
-    to = p[:2] / p[2]
-    jacobian = (cur_from_prev[:2, :2] - np.outer(to, cur_from_prev[2, :2])) / p[2]
-    return to, jacobian
+    (a, b, c), (d, e, f), (g, h, i) = cur_from_prev.tolist()
+    x, y = float(xy_px[0]), float(xy_px[1])
+    w = g * x + h * y + i
+    u, v = (a * x + b * y + c) / w, (d * x + e * y + f) / w
+    return np.array([u, v]), np.array([[a - u * g, b - u * h], [d - v * g, e - v * h]]) / w
 
 
 def _reduced(pixels: Image, factor: int) -> Image:
-    """Grey, `factor` times smaller; in steps of two, which is much faster than in one."""
+    """Grey, `factor` times smaller: the middle of each block, which is as good as its mean here and much faster."""
     image = pixels
-    while factor % 2 == 0 and factor > 1:
-        image = np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
-        factor //= 2
-    if image.ndim == 3:
-        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     if factor > 1:
         size = max(1, image.shape[1] // factor), max(1, image.shape[0] // factor)
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return image
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def _corners(grey: Image) -> npt.NDArray[np.float32]:
@@ -108,8 +142,9 @@ def _flow(before: Background, grey: Image) -> tuple[npt.NDArray[np.float32], npt
     if len(before.corners) == 0 or before.grey.shape != grey.shape:
         return empty, empty
     cur, good, _ = cv2.calcOpticalFlowPyrLK(
-        before.grey, grey, before.corners, before.corners.copy(), winSize=FLOW_WINDOW, maxLevel=3
-    )
+        before.grey, grey, before.corners, before.corners.copy(), winSize=FLOW_WINDOW, maxLevel=FLOW_LEVELS,
+        criteria=FLOW_UNTIL,
+    )  # fmt: skip
     seen = good.ravel() == 1
     return before.corners.reshape(-1, 2)[seen], np.asarray(cur, np.float32).reshape(-1, 2)[seen]
 

@@ -2,7 +2,7 @@
 
 OpenCV's KCF and CSRT work in whole pixels, without scale or rotation, and look two box sizes far. So they are given a
 *chip*: the image around the predicted target, turned and scaled back to how the target looked at first, with the box
-about 20 pixels wide. In a chip the target hardly moves, small targets are large enough, large ones are cheap, and a
+about 16 pixels wide. In a chip the target hardly moves, small targets are large enough, large ones are cheap, and a
 step of one chip pixel is a fraction of an image pixel.
 
 KCF trains, but does not search, in its first update; it is therefore shown its first chip twice.
@@ -21,7 +21,7 @@ from pipeline.tracking.settings import TrackerName
 from pipeline.tracking.template import Warp
 from pipeline.tracking.video import Image
 
-BOX_AREA, CONTEXT = 20.0**2, 1.6  # chip pixels of the box; how much wider than the target it is
+BOX_AREA, CONTEXT = 16.0**2, 1.6  # chip pixels of the box; how much wider than the target it is
 CHIP_OVER_BOX = 3
 SMOOTH_LENGTHS = (8, 9, 10, 12, 15, 16, 18, 20, 24, 25, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60, 64, 72, 75, 80, 90, 96)
 DETECT_THRESHOLD = 0.3

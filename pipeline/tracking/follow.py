@@ -10,88 +10,36 @@ hidden    no learning; the region where the target can be is searched (`search`)
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import replace
 
 import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.align import Alignment, align
-from pipeline.tracking.background import Keyframe, moved
-from pipeline.tracking.coarse import Coarse, look, start_coarse
+from pipeline.tracking.background import Scene, moved
+from pipeline.tracking.coarse import look, start_coarse
+from pipeline.tracking.followed import Doubt, Fix, Followed
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import best_nearby
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample
 from pipeline.tracking.video import Image
 
-CONFIRMATIONS = 2  # frames after a find that must agree with it
+CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
 LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
 # what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
 TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
-WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
-MAY_HAVE_STOPPED_S = 5.0
 NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, agreeing so nearly, may score so much less
 EXPECTED_SIGMAS, EXPECTED_S, EXPECTED_AGREEING, EXPECTED_BONUS = 2.0, 1.0, 0.2, 0.22
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
+APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
-    """What the frame is to every target: time since the last, motion of the background, earlier frames."""
-
-    dt_s: float
-    cur_from_prev: Floats
-    keys: tuple[Keyframe, ...]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Fix:
-    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since."""
-
-    frame: int
-    xy_px: tuple[float, float]
-    linear: Floats
-    sigma_px: float
-    score: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Followed:
-    """A target between two frames.
-
-    usual    (score, share agreeing) of this target when all of it is seen
-    pending  fixes after a loss that wait for confirmation; None while not in doubt
-    lost_s   how long it has been hidden
-    scale_when_lost  image pixels for one of the first box's frame, when it was last seen
-    hidden, gone  not seen now; not looked for any more
-    fixes, travelled_px  so far; the way is over the ground
-    """
-
-    template: Template
-    linear: Floats
-    course: Course
-    coarse: Coarse | None
-    usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
-    lost_s: float = 0.0
-    scale_when_lost: float = 1.0
-    hidden: bool = False
-    gone: bool = False
-    pending: tuple[Fix, ...] = ()
-    fixes: int = 0
-    travelled_px: float = 0.0
-
-    @property
-    def new(self) -> bool:
-        """Whether it has not yet moved enough over the ground to tell it from what is around it in its box."""
-        return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * float(
-            np.sqrt(np.prod(self.template.size_px))
-        )
 
 
 def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
@@ -107,10 +55,9 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
     return target, Fix(frame=box.frame, xy_px=box.centre_px, linear=np.eye(2), sigma_px=SIGMA_FLOOR_PX, score=1.0)
 
 
-def follow(
-    target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
-) -> tuple[Followed, tuple[Fix, ...]]:
+def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[Followed, tuple[Fix, ...]]:
     """One frame further; the fixes that became certain with it (several where a return was confirmed)."""
+    image, frame = scene.pixels, scene.frame
     if target.gone:
         return target, ()
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
@@ -119,16 +66,31 @@ def follow(
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, image, settings)
     if found is None:
-        lost = replace(target, hidden=True, coarse=None, lost_s=scene.dt_s, pending=())
-        return replace(lost, scale_when_lost=_scale(target.linear)), ()
+        lost = _lost_again(target, scene) if target.pending else _lost(target, scene)
+        return lost, ()
     target = _learned(target, image, found, scene, settings)
     fix = _fix(frame, found, target)
     if not target.pending:
         return target, (fix,)
-    pending = (*target.pending, fix)
-    if len(pending) <= CONFIRMATIONS:
-        return replace(target, pending=pending), ()
-    return replace(target, pending=()), pending
+    assert target.doubt is not None
+    pending, doubt = (*target.pending, fix), target.doubt.later(scene)
+    if len(pending) <= doubt.frames:
+        return replace(target, pending=pending, doubt=doubt), ()
+    if doubt.stands_still(found.warp.centre_px):
+        return _lost_again(target, scene), ()
+    return replace(target, pending=(), doubt=None), pending
+
+
+def _lost(target: Followed, scene: Scene) -> Followed:
+    speed = float(np.hypot(*target.course.velocity))
+    return replace(
+        target, hidden=True, coarse=None, lost_s=scene.dt_s, scale_when_lost=target.scale, speed_when_lost=speed
+    )
+
+
+def _lost_again(target: Followed, scene: Scene) -> Followed:
+    """A target whose find did not hold: lost as long as before."""
+    return replace(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=target.lost_before_s + scene.dt_s)
 
 
 def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
@@ -165,21 +127,24 @@ def _searched(
         return target, ()
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
     reach = 4.0 + 3.0 * target.course.sigma_px
-    turn = TURNS_RAD[frame % len(TURNS_RAD)] * (2.0 if frame % 8 > 3 and target.lost_s > 0.4 else 1.0)
+    turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
     found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
     if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
         return target, ()
-    if target.lost_s < MAY_HAVE_STOPPED_S and _part_of_scene(target, found, scene):
+    if _part_of_scene(target, found, scene):
         return target, ()
-    target = replace(target, hidden=False, coarse=None)
+    wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
+    doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
+    target = replace(target, hidden=False, coarse=None, doubt=doubt, lost_before_s=target.lost_s)
     return replace(
         _learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found, target),)
     ), ()
 
 
-def _scale(linear: Floats) -> float:
-    return float(np.sqrt(abs(np.linalg.det(linear))))
+def _turns(lost_s: float) -> int:
+    """How many times the least turn a target may have turned while it was hidden."""
+    return 1 + (lost_s > 0.4) + (lost_s > 1.2)
 
 
 def _can_return(target: Followed, image: Image) -> bool:
@@ -187,7 +152,7 @@ def _can_return(target: Followed, image: Image) -> bool:
     height, width = image.shape[:2]
     x, y = target.course.position_px
     near = -width < x < 2 * width and -height < y < 2 * height
-    return bool(near and 0.5 < _scale(target.linear) / target.scale_when_lost < 2.0)
+    return bool(near and 0.5 < target.scale / target.scale_when_lost < 2.0)
 
 
 def _in_view(course: Course, image: Image) -> bool:
@@ -203,8 +168,8 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
     Where it is just where it was expected, and nearly all of it agrees, it may correlate less: the ground behind a
     small target takes part in its look.
     """
-    size = float(np.sqrt(np.prod(target.template.size_px)))
-    scale = _scale(found.warp.linear)
+    size = target.template.size
+    scale = found.warp.scale
     off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
     seen = np.array([found.score, found.agreeing])
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
@@ -215,7 +180,7 @@ def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats
         bool(np.all(seen >= least))
         and found.inside >= LEAST_INSIDE
         and off < GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
-        and 0.7 < scale / _scale(target.linear) < 1.4
+        and 0.7 < scale / target.scale < 1.4
     )
 
 
@@ -230,8 +195,8 @@ def _learned(
         spread_rate = max(SPREAD_RATE, 1.0 / (target.fixes + 3.0)) if target.new else SPREAD_RATE
         rate = settings.adaptation if whole or target.new else 0.0
         template = adapted(template, found.seen, found.residual, rate, spread_rate)
-        if rate > 0:
-            template = _set_apart(template, target, found, scene, spread_rate)
+        if rate > 0 and (target.new or scene.frame % APART_EVERY == 0):
+            template = _set_apart(template, target, found, scene, spread_rate * (1 if target.new else APART_EVERY))
     coarse = target.coarse
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
@@ -271,7 +236,7 @@ def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, lea
     least_px  that the target must have moved since; None where it has not, or the ground was not in view
     """
     speed = float(np.hypot(*target.course.velocity)) * scene.dt_s
-    size = float(np.sqrt(np.prod(target.template.size_px) * abs(np.linalg.det(found.warp.linear))))
+    size = target.template.size * found.warp.scale
     away = [key for key in scene.keys if speed * key.age >= min(least_px, 0.5 * size)]
     if not away or found.inside < 1.0:
         return None
@@ -305,8 +270,15 @@ def _sigma_px(found: Alignment, size_px: tuple[float, float]) -> float:
     The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
     from one frame to the next.
     """
-    variance = float(np.trace(found.covariance_px2)) / 2
-    larger, smaller = np.linalg.svd(found.warp.linear, compute_uv=False)
-    changed = abs(np.log(larger * smaller)) / 2 + np.log(larger / smaller)
-    view = VIEW_SHARE * changed * float(np.sqrt(np.prod(size_px) * larger * smaller))
-    return float(np.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2))
+    variance = float(found.covariance_px2[0, 0] + found.covariance_px2[1, 1]) / 2
+    larger, smaller = _stretches(found.warp.linear)
+    changed = abs(math.log(larger * smaller)) / 2 + math.log(larger / smaller)
+    view = VIEW_SHARE * changed * math.sqrt(size_px[0] * size_px[1] * larger * smaller)
+    return math.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2)
+
+
+def _stretches(linear: Floats) -> tuple[float, float]:
+    """Singular values of (2, 2), written out: larger, smaller."""
+    (a, b), (c, d) = linear.tolist()
+    turned, mirrored = math.hypot(a + d, b - c), math.hypot(a - d, b + c)
+    return (turned + mirrored) / 2, max(abs(turned - mirrored) / 2, 1e-9)

@@ -7,6 +7,7 @@ spectral density q enters. A fix updates it (Kalman filter).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,15 +49,17 @@ def first_course(position_px: Floats, length_px: float) -> Course:
 def carried(course: Course, cur_from_prev: Floats, dt_s: float) -> tuple[Course, Floats]:
     """The course one frame later, and the background's Jacobian (2, 2) there."""
     to, jacobian = moved(cur_from_prev, course.position_px + course.velocity * dt_s)
-    scale = float(np.sqrt(abs(np.linalg.det(jacobian))))
-    advance = np.array([[1.0, dt_s], [0.0, 1.0]])
+    (a, b), (c, d) = jacobian.tolist()
+    area = abs(a * d - b * c)
     density = (ACCELERATION_SIZES * course.length_px) ** 2 * PERSISTENCE_S
-    noise = density * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
+    (pp, pv), (_, vv) = course.covariance.tolist()
+    place = pp + dt_s * (2 * pv + dt_s * vv) + density * dt_s**3 / 3
+    mixed, speed = pv + dt_s * vv + density * dt_s**2 / 2, vv + density * dt_s
     later = Course(
         position_px=to,
         velocity=jacobian @ course.velocity,
-        covariance=scale**2 * (advance @ course.covariance @ advance.T + noise),
-        length_px=course.length_px * scale,
+        covariance=area * np.array([[place, mixed], [mixed, speed]]),
+        length_px=course.length_px * math.sqrt(area),
     )
     return later, jacobian
 

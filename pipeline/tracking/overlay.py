@@ -1,8 +1,8 @@
 """Tracks drawn on their video, to be looked at by a person.
 
 Each target has a colour of its own: the outline of its first box as it was carried along, a cross at the tracked point
-with a circle of three sigmas, and its way over the last frames. Where it is lost, a hollow cross stays at its last
-place.
+with a circle of three sigmas, and its way over the last frames. Where it is lost, a hollow cross is where it was looked
+for, in a circle of one sigma of the prediction; at its last place where it was not looked for any more.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def overlay_frame(pixels: Image, tracks: VideoTracks, frame: int) -> Image:
         row = frame - int(track.frame[0]) if len(track.frame) else -1
         if 0 <= row < len(track.frame):
             outline = tracks.outlines_px[k][row] if tracks.outlines_px else None
-            _draw(drawn, track, row, outline, COLOURS[k % len(COLOURS)])
+            predicted = tracks.predicted_px[k][row] if tracks.predicted_px else np.full(3, np.nan)
+            _draw(drawn, track, row, outline, predicted, COLOURS[k % len(COLOURS)])
     cv2.putText(drawn, f"frame {frame}", (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
     return drawn
 
@@ -75,7 +76,7 @@ def write_overlay(
     return to
 
 
-def _draw(image: Image, track: ImageTrack, row: int, outline: Floats | None, colour: Colour) -> None:
+def _draw(image: Image, track: ImageTrack, row: int, outline: Floats | None, predicted: Floats, colour: Colour) -> None:
     """Draws one target into `image`."""
     seen = np.flatnonzero(track.seen[: row + 1])
     if len(seen) == 0:
@@ -94,6 +95,10 @@ def _draw(image: Image, track: ImageTrack, row: int, outline: Floats | None, col
         radius = round(SIGMAS * float(track.sigma_px[row]) * (1 << SHIFT))
         cv2.circle(image, _fine(track.xy_px[row]), max(radius, 1 << SHIFT), colour, 1, cv2.LINE_AA, SHIFT)
     else:
+        if np.isfinite(predicted).all():
+            x, y = predicted[:2]
+            radius = round(float(predicted[2]) * (1 << SHIFT))
+            cv2.circle(image, _fine(predicted[:2]), radius, LOST_COLOUR, 1, cv2.LINE_AA, SHIFT)
         cv2.drawMarker(image, (round(x), round(y)), LOST_COLOUR, cv2.MARKER_TILTED_CROSS, 12, 1, cv2.LINE_AA)
     text = f"{track.target} {track.sigma_px[row]:.2f} px" if here else f"{track.target} lost"
     at = (round(x) + 14, round(y) - 10)

@@ -37,6 +37,7 @@ class VideoTracks:
     tracks        one for each target, in the order of the boxes; rows from the box's frame to the video's last
     frame_time_s, frame_rate, image_size  as in `VideoTimes`, of the frames that could be decoded
     outlines_px   one for each track: (n, 4, 2) corners of its first box, carried along; NaN while lost
+    predicted_px  one for each track: (n, 3) where it was looked for while lost (x, y) and one sigma; NaN elsewhere
     notes         what a person should know: frames missing, targets never found again
     """
 
@@ -46,7 +47,10 @@ class VideoTracks:
     image_size: tuple[int, int]
     notes: tuple[str, ...] = ()
     outlines_px: tuple[Floats, ...] = ()
+    predicted_px: tuple[Floats, ...] = ()
 
     def __post_init__(self) -> None:
         outlines = tuple(frozen(o, (None, 4, 2), "outlines_px") for o in self.outlines_px)
-        settle(self, frame_time_s=frozen(self.frame_time_s, (None,), "frame_time_s"), outlines_px=outlines)
+        predicted = tuple(frozen(p, (None, 3), "predicted_px") for p in self.predicted_px)
+        times = frozen(self.frame_time_s, (None,), "frame_time_s")
+        settle(self, frame_time_s=times, outlines_px=outlines, predicted_px=predicted)

@@ -40,7 +40,7 @@ def best_nearby(
 
 def candidates(image: Image, template: Template, predicted: Warp, reach_px: float, sigma_px: float) -> list[Floats]:
     """Up to `PEAKS` places (2,) in the image where the template correlates best."""
-    scale = template.step_px * float(np.sqrt(abs(np.linalg.det(predicted.linear))))
+    scale = template.step_px * predicted.scale
     reach = int(np.clip(np.ceil(reach_px / scale), 2, LARGEST_REACH)) // 2 * 2
     rows, columns = _core_span(template)
     look = template.pixels[rows, columns]

@@ -8,6 +8,7 @@ seen past the edge) disagree from frame to frame, their spread grows, and they s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import cv2
@@ -33,6 +34,17 @@ class Warp:
     linear: Floats
     centre_px: Floats
 
+    @property
+    def scale(self) -> float:
+        """Image pixels for one of u, as if it were the same in every direction."""
+        return scale_of(self.linear)
+
+
+def scale_of(linear: Floats) -> float:
+    """Square root of the area that (2, 2) makes of a unit square; written out, as it is wanted often."""
+    (a, b), (c, d) = linear.tolist()
+    return math.sqrt(abs(a * d - b * c))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Template:
@@ -57,6 +69,11 @@ class Template:
     def shape(self) -> tuple[int, int]:
         """(height, width) of the picture."""
         return self.pixels.shape[0], self.pixels.shape[1]
+
+    @property
+    def size(self) -> float:
+        """Geometric mean of the first box's sides."""
+        return math.sqrt(self.size_px[0] * self.size_px[1])
 
     @property
     def trust(self) -> Pixels:
@@ -111,12 +128,15 @@ class Patch:
     @staticmethod
     def cut(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float) -> Patch:
         """The piece that `shape` covers under `warp`, `reach_px` more on every side."""
-        smoothing = SMOOTHING_PX * step_px * float(np.sqrt(abs(np.linalg.det(warp.linear))))
-        half = np.abs(warp.linear) @ (np.array([shape[1], shape[0]]) * step_px / 2)
+        smoothing = SMOOTHING_PX * step_px * warp.scale
+        (a, b), (c, d) = warp.linear.tolist()
+        x, y = warp.centre_px.tolist()
+        half_w, half_h = shape[1] * step_px / 2, shape[0] * step_px / 2
+        half_x, half_y = abs(a) * half_w + abs(b) * half_h, abs(c) * half_w + abs(d) * half_h
         border = reach_px + 3 * smoothing + 2
         height, width = image.shape[:2]
-        left, top = np.floor(warp.centre_px - half - border).astype(int)
-        right, bottom = np.ceil(warp.centre_px + half + border).astype(int) + 1
+        left, top = math.floor(x - half_x - border), math.floor(y - half_y - border)
+        right, bottom = math.ceil(x + half_x + border) + 1, math.ceil(y + half_y + border) + 1
         left, right = min(max(left, 0), width - 1), max(min(right, width), 1)
         top, bottom = min(max(top, 0), height - 1), max(min(bottom, height), 1)
         piece = image[top : max(bottom, top + 1), left : max(right, left + 1)].astype(np.float32)

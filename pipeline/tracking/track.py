@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import os
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice, repeat
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Floats, Ints
 from pipeline.errors import TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
-from pipeline.tracking.background import advance, first_background
-from pipeline.tracking.follow import Fix, Followed, Scene, begin, follow
+from pipeline.tracking.ahead import ahead
+from pipeline.tracking.background import Scene, scenes
+from pipeline.tracking.backwards import frames_back
+from pipeline.tracking.follow import begin, follow
+from pipeline.tracking.followed import Fix, Followed
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.video import Frame, frames_of, video_head
+from pipeline.tracking.video import VideoHead, frames_of, interlaced, video_head, video_times
 
 LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
+PART_FRAMES = 4  # handed to the targets' threads at a time
+Counter = Callable[[int, int], None]
 Progress = Callable[[int, int], None]
 
 
@@ -30,7 +40,9 @@ def track_video(
     settings: TrackingSettings | None = None,
     progress: Progress | None = None,
 ) -> VideoTracks:
-    """Follows every target of `boxes` through one video, which is decoded once.
+    """Follows every target of `boxes` through one video, from its box to the video's end and back to its beginning.
+
+    The video is decoded once, and once more up to the last of the boxes where one lies on a later frame than the first.
 
     A fix is where the point of the target lies that was under the first box's centre, in image coordinates
     (pixel (0, 0) is the centre of the top-left pixel), with its sigma per axis. The result depends on the arguments
@@ -45,77 +57,176 @@ def track_video(
     head = video_head(path)
     for name, box in boxes.items():
         _check_box(box, f"targets.{name}.boxes.{camera}", head.image_size)
-    with _one_thread():
-        fixes, times, size, notes = _followed(path, boxes, settings, progress, head.frames)
-    for name, box in boxes.items():
-        _check_frame(box, f"targets.{name}.boxes.{camera}", len(times), path)
-    tracks = tuple(_track(camera, name, box, fixes[name], times) for name, box in boxes.items())
-    for track in tracks:
-        _check_followed(track, path)
+    back = max((box.frame for box in boxes.values()), default=0)
+    tell = None if progress is None else _counted(progress, back)
+    with _one_thread(), ThreadPoolExecutor(max(1, min(len(boxes), os.cpu_count() or 1))) as pool:
+        follower = _Follower(boxes=boxes, settings=settings, pool=pool)
+        video = _forwards(path, follower, tell, head)
+        for name, box in boxes.items():
+            _check_frame(box, f"targets.{name}.boxes.{camera}", len(video.time_s), path)
+        _backwards(path, follower, video, back, tell, head)
+    fixes = {name: follower.fixes(name) for name in boxes}
+    tracks = tuple(_track(camera, name, fixes[name], video.time_s) for name in boxes)
+    for track, box in zip(tracks, boxes.values(), strict=True):
+        _check_followed(track, box, path)
     return VideoTracks(
         tracks=tracks,
-        frame_time_s=times,
+        frame_time_s=video.time_s,
         frame_rate=head.frame_rate,
-        image_size=size,
-        outlines_px=tuple(_outlines(box, fixes[name], len(times)) for name, box in boxes.items()),
-        notes=(*notes, *_losses(tracks), *_gaps(times, head.frame_rate, head.frames)),
+        image_size=video.size,
+        outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
+        predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
+        notes=(*video.notes, *_losses(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
     )
 
 
-def _followed(
-    path: Path, boxes: Mapping[str, Box], settings: TrackingSettings, progress: Progress | None, claimed: int
-) -> tuple[dict[str, list[Fix]], Floats, tuple[int, int], list[str]]:
-    """The loop over the frames: fixes by target, times of all frames, image size, notes."""
-    fixes: dict[str, list[Fix]] = {name: [] for name in boxes}
-    targets: dict[str, Followed] = {}
-    times: list[float] = []
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Video:
+    """What the whole video turned out to be."""
+
+    time_s: Floats
+    size: tuple[int, int]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fixes:
+    """Every fix of one target: frame (k,), xy_px (k, 2), sigma_px (k,), linear (k, 2, 2) as in `Fix`."""
+
+    frame: Ints
+    xy_px: Floats
+    sigma_px: Floats
+    linear: Floats
+
+
+class _Follower:
+    """Every target at its present frame, and its fixes so far; targets are followed side by side in threads."""
+
+    def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
+        self.boxes, self.settings, self.pool = boxes, settings, pool
+        self.targets: dict[str, Followed] = {}
+        self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
+        self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
+
+    def turn_round(self) -> None:
+        """From here on every target starts at its box again."""
+        self.targets = {}
+
+    def go_on(self, part: Sequence[Scene]) -> None:
+        """Follows every target through consecutive scenes."""
+        side_by_side = self.pool.map if len(self.boxes) > 1 else map
+        for name, (target, new) in zip(self.boxes, side_by_side(self._through, self.boxes, repeat(part)), strict=True):
+            if target is not None:
+                self.targets[name] = target
+            for fix in new:
+                self._rows[name].extend((fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel()))
+
+    def fixes(self, name: str) -> Fixes:
+        """Of one target, in order of time."""
+        rows = np.frombuffer(self._rows[name], float).reshape(-1, 8)
+        frame, first = np.unique(rows[:, 0].astype(int), return_index=True)  # the box is met on both ways
+        rows = rows[first]
+        return Fixes(frame=frame, xy_px=rows[:, 1:3], sigma_px=rows[:, 3], linear=rows[:, 4:].reshape(-1, 2, 2))
+
+    def predicted(self, name: str, fixes: Fixes, frames: int) -> Floats:
+        """Where one target was looked for (n, 3), a row for each of its track's."""
+        first = int(fixes.frame[0])
+        looked = np.frombuffer(self._looked[name], float).reshape(-1, 4)
+        looked = looked[looked[:, 0] >= first]
+        places = np.full((frames - first, 3), np.nan)
+        places[looked[:, 0].astype(int) - first] = looked[:, 1:]
+        places[fixes.frame - first] = np.nan
+        return places
+
+    def _through(self, name: str, part: Sequence[Scene]) -> tuple[Followed | None, list[Fix]]:
+        target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
+        for scene in part:
+            if scene.frame == box.frame:
+                target, first = begin(scene.pixels, box, self.settings)
+                fixes.append(first)
+            elif target is not None:
+                target, new = follow(target, scene, self.settings)
+                fixes += new
+                if target.hidden and not target.gone:
+                    self._looked[name].extend((scene.frame, *target.course.position_px, target.course.sigma_px))
+        return target, fixes
+
+
+def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
+    """The whole video once, to its end or to where the frames change their size."""
+    times, missing = array("d"), 0
+    known_s, woven = video_times(path).frame_time_s, interlaced(path)
     notes: list[str] = []
-    background, size = None, (0, 0)
-    for frame in frames_of(path):
-        if not times:
-            size = frame.pixels.shape[1], frame.pixels.shape[0]
-        elif (frame.pixels.shape[1], frame.pixels.shape[0]) != size:
-            notes.append(_size_note(frame, size))
+    size = (0, 0)
+    part: list[Scene] = []
+    found = ahead(scenes(frames_of(path, known_s, woven)), PART_FRAMES)
+    for scene in found:
+        now = scene.pixels.shape[1], scene.pixels.shape[0]
+        size = size if times else now
+        if now != size:
+            notes.append(_size_note(scene.frame, now, size))
             break
-        if background is None:
-            background, motion = first_background(frame.pixels), np.eye(3)
-        else:
-            background, motion = advance(background, frame.pixels)
-        dt_s = frame.time_s - times[-1] if times else 0.0
-        scene = Scene(dt_s=dt_s, cur_from_prev=motion, keys=background.keys)
-        for name, box in boxes.items():
-            if frame.index == box.frame:
-                targets[name], first = begin(frame.pixels, box, settings)
-                fixes[name].append(first)
-            elif name in targets:
-                targets[name], new = follow(targets[name], frame.pixels, frame.index, scene, settings)
-                fixes[name] += new
-        times.append(frame.time_s)
-        if progress is not None:
-            progress(len(times), max(claimed, len(times)))
-    return fixes, np.asarray(times), size, notes
+        part.append(scene)
+        missing += scene.frame - len(times)
+        times.extend(known_s[len(times) : scene.frame])
+        times.append(scene.time_s)
+        if len(part) == PART_FRAMES:
+            follower.go_on(part)
+            part = []
+        if tell is not None:
+            tell(len(times), max(head.frames, len(times)))
+    found.close()
+    follower.go_on(part)
+    if missing:
+        notes.append(f"{missing} of {len(times)} frames could not be decoded; they are rows without a fix")
+    if tell is not None:
+        tell(len(times), len(times))
+    if woven:
+        notes.append(
+            "the video is interlaced: the upper field of each frame is used, the lines between are interpolated"
+        )
+    return _Video(time_s=np.array(times), size=size, notes=tuple(notes))
 
 
-def _track(camera: str, target: str, box: Box, fixes: list[Fix], times: Floats) -> ImageTrack:
-    """A row for each frame from the box on."""
-    n = len(times) - box.frame
+def _backwards(
+    path: Path, follower: _Follower, video: _Video, back: int, tell: Counter | None, head: VideoHead
+) -> None:
+    """From the last of the boxes to the beginning of the video."""
+    if back == 0:
+        return
+    follower.turn_round()
+    found = ahead(scenes(frames_back(path, back, video.time_s)), PART_FRAMES)
+    while part := list(islice(found, PART_FRAMES)):
+        follower.go_on(part)
+        if tell is not None:
+            tell(len(video.time_s) + back + 1 - part[-1].frame, len(video.time_s))
+
+
+def _counted(progress: Progress, back: int) -> Counter:
+    """Counts the frames of both ways together."""
+    more = back + 1 if back else 0
+    return lambda done, forward: progress(done, forward + more)
+
+
+def _track(camera: str, target: str, fixes: Fixes, times: Floats) -> ImageTrack:
+    """A row for each frame from the first fix on."""
+    first = int(fixes.frame[0])
+    n, rows = len(times) - first, fixes.frame - first
     xy, sigma, state = np.full((n, 2), np.nan), np.full(n, np.nan), np.full(n, LOST)
-    for fix in fixes:
-        row = fix.frame - box.frame
-        xy[row], sigma[row] = fix.xy_px, fix.sigma_px
-        state[row] = REACQUIRED if row and state[row - 1] == LOST else TRACKED
-    frame = np.arange(box.frame, len(times))
+    xy[rows], sigma[rows] = fixes.xy_px, fixes.sigma_px
+    state[rows] = np.where(np.diff(rows, prepend=-1) > 1, REACQUIRED, TRACKED)
+    frame = np.arange(first, len(times))
     return ImageTrack(
-        camera=camera, target=target, frame=frame, time_s=times[box.frame :], xy_px=xy, sigma_px=sigma, state=state
+        camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state
     )
 
 
-def _outlines(box: Box, fixes: list[Fix], frames: int) -> Floats:
+def _outlines(box: Box, fixes: Fixes, frames: int) -> Floats:
     """Corners (n, 4, 2) of the box as it was carried along."""
     corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([box.width, box.height]) / 2
-    outlines = np.full((frames - box.frame, 4, 2), np.nan)
-    for fix in fixes:
-        outlines[fix.frame - box.frame] = corner @ fix.linear.T + np.array(fix.xy_px)
+    first = int(fixes.frame[0])
+    outlines = np.full((frames - first, 4, 2), np.nan)
+    outlines[fixes.frame - first] = corner @ fixes.linear.transpose(0, 2, 1) + fixes.xy_px[:, None]
     return outlines
 
 
@@ -163,12 +274,12 @@ def _check_frame(box: Box, key: str, frames: int, path: Path) -> None:
         )
 
 
-def _check_followed(track: ImageTrack, path: Path) -> None:
+def _check_followed(track: ImageTrack, box: Box, path: Path) -> None:
     fixes, frames = int(track.seen.sum()), len(track.frame)
     if fixes < min(LEAST_FIXES, frames):
         raise TrackingError(
             where=f"{path}: target {track.target} (targets.{track.target}.boxes.{track.camera})",
-            seen=f"lost right after its box on frame {track.frame[0]}, and never found again in {frames} frames",
+            seen=f"lost right after its box on frame {box.frame}, and never found again in {frames} frames",
             expected="a target that can be told from what is behind it",
             advice="draw the box closely around the target, on a frame in which it is large and sharp",
         )
@@ -197,9 +308,8 @@ def _gaps(times: Floats, rate: float, claimed: int) -> Iterator[str]:
         yield f"the container claims {claimed} frames; {len(times)} could be decoded: the video is cut off or broken"
 
 
-def _size_note(frame: Frame, size: tuple[int, int]) -> str:
-    height, width = frame.pixels.shape[:2]
+def _size_note(frame: int, now: tuple[int, int], size: tuple[int, int]) -> str:
     return (
-        f"frame {frame.index} is {width} x {height} instead of {size[0]} x {size[1]}: tracking ends there, the "
+        f"frame {frame} is {now[0]} x {now[1]} instead of {size[0]} x {size[1]}: tracking ends there, the "
         "camera's calibration would not hold"
     )

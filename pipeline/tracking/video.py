@@ -7,8 +7,7 @@ counted from frame 0. Containers that say how they are rotated are shown upright
 from __future__ import annotations
 
 import os
-import queue
-import threading
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +16,17 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from calibration.arrays import Floats
 from pipeline.errors import InputFileError
+from pipeline.tracking.ahead import ahead
+from pipeline.tracking.fields import is_woven, upper_field
 from pipeline.tracking.records import VideoTimes
 
 Image = npt.NDArray[np.uint8]
 AHEAD = 6  # frames decoded in advance
+MOST_REFUSED = 64  # times that a reader is asked for what lies behind something broken
+SAME_S = 2e-3  # times closer than that are the same
+JUDGED_FRAMES = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,14 +53,12 @@ def video_times(path: Path) -> VideoTimes:
     Raises InputFileError where there is no video or no frame in it.
     """
     head = video_head(path)  # of the upright picture; the packets know nothing of rotation
-    capture = _opened(path, [cv2.CAP_PROP_FORMAT, -1])
-    stamps: list[float] = []
-    while capture.grab():
-        stamps.append(capture.get(cv2.CAP_PROP_POS_MSEC))
+    capture = opened(path, [cv2.CAP_PROP_FORMAT, -1])
+    stamps = array("d", grabbed(capture, head))
     capture.release()
     if not stamps:
         raise _no_frames(path)
-    time_s = np.sort(np.asarray(stamps)) * 1e-3
+    time_s = np.unique(stamps) if np.ptp(stamps) > 0 else np.array(stamps)
     return VideoTimes(
         frame_time_s=_sane(time_s - time_s[0], head.frame_rate), frame_rate=head.frame_rate, image_size=head.image_size
     )
@@ -66,75 +69,120 @@ def video_head(path: Path) -> VideoHead:
 
     Raises InputFileError where there is no video.
     """
-    capture = _opened(path)
+    capture = opened(path)
     head = _head(capture, path)
     capture.release()
     return head
 
 
-def frames_of(path: Path) -> Iterator[Frame]:
+def frames_of(path: Path, frame_time_s: Floats | None = None, woven: bool | None = None) -> Iterator[Frame]:
     """Every frame that decodes, in order; a thread decodes ahead, memory is constant.
+
+    frame_time_s, woven  of `video_times` and `interlaced`, where they are known already
 
     Raises InputFileError where there is no video or not a single frame.
     """
-    capture = _opened(path)
-    rate = _head(capture, path).frame_rate
-    ready: queue.Queue[tuple[float, Image] | BaseException | None] = queue.Queue(AHEAD)
-    stop = threading.Event()
-    worker = threading.Thread(target=_decode, args=(capture, ready, stop), daemon=True)
-    worker.start()
+    times = video_times(path).frame_time_s if frame_time_s is None else frame_time_s
+    yield from ahead(_decoded(path, times, interlaced(path) if woven is None else woven), AHEAD)
+
+
+def first_stamp_s(path: Path) -> float:
+    """The container's own time of the first frame.
+
+    Raises InputFileError where there is no video.
+    """
+    capture = opened(path)
+    capture.grab()
+    stamp = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
+    capture.release()
+    return float(stamp)
+
+
+def _decoded(path: Path, times: Floats, woven: bool) -> Iterator[Frame]:
+    """Frames by their place among the container's times, so that one that does not decode leaves its number free."""
+    capture = opened(path)
     try:
-        yield from _numbered(ready, rate, path)
+        head = _head(capture, path)
+        rate = head.frame_rate
+        index, first, last = -1, 0.0, -1.0
+        for stamp in grabbed(capture, head):
+            read = capture.retrieve()
+            if not read[0]:
+                continue
+            first = stamp if index < 0 else first
+            time_s = stamp - first
+            if index >= 0 and time_s <= last:  # a container without times
+                time_s = last + 1.0 / rate
+            index = _place(times, time_s, index + 1)
+            pixels = np.asarray(read[1], np.uint8)
+            yield Frame(index=index, time_s=time_s, pixels=upper_field(pixels) if woven else pixels)
+            last = time_s
     finally:
-        stop.set()
-        while worker.is_alive():
-            _drain(ready)
-            worker.join(0.02)
         capture.release()
-
-
-def _numbered(
-    ready: queue.Queue[tuple[float, Image] | BaseException | None], rate: float, path: Path
-) -> Iterator[Frame]:
-    index, first, last = 0, 0.0, -1.0
-    while (item := ready.get()) is not None:
-        if isinstance(item, BaseException):
-            raise item
-        stamp, pixels = item
-        first = stamp if index == 0 else first
-        time_s = stamp - first
-        if index and time_s <= last:  # a container without times
-            time_s = last + 1.0 / rate
-        yield Frame(index=index, time_s=time_s, pixels=pixels)
-        index, last = index + 1, time_s
-    if index == 0:
+    if index < 0:
         raise _no_frames(path)
 
 
-def _decode(
-    capture: cv2.VideoCapture, ready: queue.Queue[tuple[float, Image] | BaseException | None], stop: threading.Event
-) -> None:
-    try:
-        while not stop.is_set():
-            good, pixels = capture.read()
-            if not good:
-                break
-            ready.put((capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3, np.asarray(pixels, np.uint8)))
-    except BaseException as error:
-        ready.put(error)
-    else:
-        ready.put(None)
+def grabbed(capture: cv2.VideoCapture, head: VideoHead) -> Iterator[float]:
+    """The time (s) of every frame or packet, each grabbed when it comes; what is broken is stepped over.
+
+    A reader that meets something broken says no more, as at the end; so it is asked for what lies behind, as long as
+    the container claims that there is more.
+    """
+    last_s, done, refused = -np.inf, 0, 0
+    while refused < MOST_REFUSED:
+        if capture.grab():
+            stamp_s = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
+            if refused == 0 or stamp_s > last_s:  # after a step it may hand out again what was seen
+                yield stamp_s
+                done, last_s = done + 1, max(last_s, stamp_s)
+                refused = 0
+        else:
+            refused += 1
+            if done == 0:
+                return
+            place = max(done, round(last_s * head.frame_rate) + 1) + refused
+            if place >= head.frames - 1 or not capture.set(cv2.CAP_PROP_POS_FRAMES, place):
+                return
 
 
-def _drain(ready: queue.Queue[tuple[float, Image] | BaseException | None]) -> None:
-    try:
-        while True:
-            ready.get_nowait()
-    except queue.Empty:
-        return
+def _place(times: Floats, time_s: float, least: int) -> int:
+    """The number of the frame shown at a time, where the container knows that time; else the next."""
+    at = int(np.searchsorted(times, time_s - SAME_S))
+    return at if at > least and at < len(times) and abs(times[at] - time_s) < SAME_S else least
 
 
-def _opened(path: Path, parameters: list[int] | None = None) -> cv2.VideoCapture:
+def interlaced(path: Path) -> bool:
+    """Whether the first frames are woven of two fields.
+
+    Raises InputFileError where there is no video, or OpenCV leaves its pictures unconverted (as of interlaced H.264).
+    """
+    capture = opened(path)
+    frames = _head(capture, path).frames
+    first = [np.asarray(read[1], np.uint8) for _ in range(JUDGED_FRAMES) if (read := capture.read())[0]]
+    if len(first) == JUDGED_FRAMES and all(np.array_equal(first[0], other) for other in first[1:]):
+        capture.set(cv2.CAP_PROP_POS_FRAMES, frames // 2)
+        later = capture.read()
+        if frames > 2 * JUDGED_FRAMES and later[0] and np.array_equal(first[0], later[1]):
+            raise _unconverted(path)
+    capture.release()
+    return is_woven(first)
+
+
+def _unconverted(path: Path) -> InputFileError:
+    return InputFileError(
+        where=str(path),
+        seen="pictures that never change, as when OpenCV cannot convert them (interlaced H.264)",
+        expected="a progressive video, or one that OpenCV shows",
+        advice=f"make it progressive: ffmpeg -i {path.name} -vf bwdif -c:v libx264 -crf 16 {path.stem}-progressive.mp4",
+    )
+
+
+def opened(path: Path, parameters: list[int] | None = None) -> cv2.VideoCapture:
+    """The video, opened and silent.
+
+    Raises InputFileError where it is none.
+    """
     if not path.is_file():
         raise InputFileError(
             where=str(path),

@@ -30,7 +30,12 @@ pytestmark = [
 
 def browse(page: Path, profile: Path, *options: str) -> tuple[str, str]:
     """What the browser prints, and what its console says."""
-    command = [str(BROWSER), *QUIET, f"--user-data-dir={profile}", *options, page.as_uri()]
+    return browse_address(page.as_uri(), profile, *options)
+
+
+def browse_address(address: str, profile: Path, *options: str) -> tuple[str, str]:
+    """The same of a page that is served."""
+    command = [str(BROWSER), *QUIET, f"--user-data-dir={profile}", *options, address]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     return done.stdout, "\n".join(console)

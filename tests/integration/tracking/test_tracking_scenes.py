@@ -60,16 +60,24 @@ def test_hidden_targets_are_lost_and_found_again(flight) -> None:
         assert (track.state == REACQUIRED).sum() == 1
 
 
-def test_rows_run_from_the_box_to_the_end(flight) -> None:
+@pytest.mark.parametrize("at", [10, 100])
+def test_a_box_on_any_frame_is_tracked_both_ways(flight, at) -> None:
     made, path, _, _ = flight
-    box = first_box(made, made.cars[0], 10)
-    found = track_video(path, camera="uav1", boxes={"late": box})
+    box = first_box(made, made.cars[0], at)
+    told: list[tuple[int, int]] = []
+    found = track_video(path, camera="uav1", boxes={"late": box}, progress=lambda d, n: told.append((d, n)))
     track = found.tracks[0]
-    assert track.frame.tolist() == list(range(10, FRAMES))
-    assert tuple(track.xy_px[0]) == box.centre_px
-    np.testing.assert_allclose(track.time_s, np.arange(10, FRAMES) / 25.0, atol=2e-3)
+    assert track.frame.tolist() == list(range(FRAMES))
+    assert tuple(track.xy_px[at]) == box.centre_px
+    true_px, share = truth(made, made.cars[0], box)
+    good = track.seen & (share > VISIBLE)
+    assert good.sum() >= 0.95 * (share > VISIBLE).sum()
+    assert (np.sqrt(np.mean((track.xy_px[good] - true_px[good]) ** 2, axis=0)) < 0.25).all()
+    assert not track.seen[share < HIDDEN].any()
+    np.testing.assert_allclose(track.time_s, np.arange(FRAMES) / 25.0, atol=2e-3)
     assert found.frame_rate == 25.0
     assert found.image_size == SIZE
+    assert told[-1] == (FRAMES + at + 1, FRAMES + at + 1)
 
 
 def test_same_input_same_output_whatever_the_threads(flight) -> None:

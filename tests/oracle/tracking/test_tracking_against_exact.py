@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.tracking import _kernels
 from pipeline.tracking import align as alignment
 from pipeline.tracking.background import advance, first_background, moved
 from pipeline.tracking.kinematics import carried, corrected, first_course
-from pipeline.tracking.template import Patch, Warp, first_template
+from pipeline.tracking.template import Patch, Warp, adapted, first_template
 
 
 def smooth_noise(seed: int, height: int, width: int, grain: int = 5) -> np.ndarray:
@@ -135,3 +136,28 @@ def test_hidden_course_grows_uncertain_and_keeps_going() -> None:
         course, _ = carried(course, drift, 0.04)
     np.testing.assert_allclose(course.position_px, [30.0, 20.0], atol=1e-9)
     assert course.sigma_px > 5 * before
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.skipif(not _kernels.AVAILABLE, reason="needs the extra 'fast' (numba)")
+def test_compiled_alignment_is_the_plain_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    image = smooth_noise(seed, 120, 140)
+    centre = np.array([70.0, 60.0]) if seed < 5 else np.array([14.0, 60.0 + 50 * (seed - 6)])
+    template = first_template(image.astype(np.uint8), centre, (26.0 + seed, 20.0))
+    template = adapted(template, template.pixels, rng.uniform(0, 900, template.shape).astype(np.float32), 0.02, 0.3)
+    now = seen_under(image, np.eye(2) + rng.normal(0, 0.02, (2, 2)), rng.uniform(-1.5, 1.5, 2), centre)
+    now[:, :50] = now[:, :50] // 2  # a part that disagrees
+    start = Warp(linear=np.eye(2), centre_px=centre + rng.uniform(-0.5, 0.5, 2))
+    patch = Patch.cut(now, start, template.shape, template.step_px, 5.0)
+    plain, compiled = (
+        way(now, template, patch, start, np.eye(2), 2.0)
+        for way in (alignment.aligned_plain, alignment.aligned_compiled)
+    )
+    np.testing.assert_allclose(compiled.warp.centre_px, plain.warp.centre_px, atol=2e-3)
+    np.testing.assert_allclose(compiled.warp.linear, plain.warp.linear, atol=2e-3)
+    np.testing.assert_allclose(compiled.covariance_px2, plain.covariance_px2, rtol=0.02)
+    np.testing.assert_allclose(compiled.seen, plain.seen, atol=0.5)
+    assert compiled.score == pytest.approx(plain.score, abs=2e-3)
+    assert compiled.agreeing == pytest.approx(plain.agreeing, abs=0.02)
+    assert compiled.inside == pytest.approx(plain.inside, abs=1e-9)

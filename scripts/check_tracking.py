@@ -1,0 +1,138 @@
+"""Tracks rendered scenes with known truth, ours and OpenCV's KCF as it comes side by side, and prints the table.
+
+usage: python scripts/check_tracking.py [--seeds 9001 9002 ...] [--keep FOLDER]
+
+The default seeds are ten scenes that nothing was tuned on: each draws its own ground, cars of 10 to 50 px, speeds,
+blur, noise, one occlusion of 5 to 25 frames per car, and is compressed by H.264 at one of two qualities. Choose other
+seeds to tune on. Needs the extra `demo` for the encoder; about half a minute a scene.
+"""
+
+import argparse
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from pipeline.records import Box
+from pipeline.tracking import track_video
+from tests.integration.tracking.moving_scene import Car, Scene, first_box, render, scene, truth, write
+
+HELD_OUT = tuple(range(9001, 9011))
+VISIBLE, HIDDEN, SOON_FRAMES, NEAR_PX = 0.9, 0.1, 25, 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """One car of one scene: errors (n, 2) px where it is in view and fixed, their sigmas, and what else was counted."""
+
+    errors: np.ndarray
+    sigmas: np.ndarray
+    visible: int
+    false_fixes: int
+    occluded: bool
+    found_again: bool
+
+
+def drawn_scene(seed: int) -> tuple[Scene, int]:
+    """A scene and its H.264 quality (crf)."""
+    rng = np.random.default_rng(seed)
+    lengths = tuple(np.sort(np.exp(rng.uniform(np.log(10), np.log(50), 4))))
+    hidden = tuple(int(n) for n in rng.integers(5, 26, 4))
+    return scene(seed, lengths=lengths, hidden=hidden, speed=rng.uniform(1.0, 3.0)), 18 if seed % 2 else 28
+
+
+def first_in_view(made: Scene, car: Car) -> int:
+    """The first frame from which a car is wholly in view for ten frames: there its box is drawn."""
+    inside = truth(made, car, first_box(made, car))[1] > 0.99
+    return next((f for f in range(len(inside) - 10) if inside[f : f + 10].all()), 0)
+
+
+def whole(rows: np.ndarray, frames: int) -> np.ndarray:
+    """A track's rows, NaN before its first."""
+    out = np.full((frames, *rows.shape[1:]), np.nan)
+    out[frames - len(rows) :] = rows
+    return out
+
+
+def figures(xy: np.ndarray, sigma: np.ndarray, true: np.ndarray, share: np.ndarray) -> Figures:
+    """What a track (frames, 2; NaN where there is no fix) is worth."""
+    fixed = np.isfinite(xy).all(axis=1)
+    good, hidden = fixed & (share > VISIBLE), np.flatnonzero(share < HIDDEN)
+    off = np.hypot(*(xy - true).T)
+    back = np.flatnonzero((share > VISIBLE) & (np.arange(len(xy)) > hidden[-1])) if len(hidden) else np.array([], int)
+    soon = back[:SOON_FRAMES]
+    near = fixed[back] & (off[back] < NEAR_PX)
+    found = bool(len(back) and near[: len(soon)].any() and near.sum() >= 0.9 * fixed[back].sum())
+    return Figures(
+        errors=(xy - true)[good], sigmas=sigma[good], visible=int((share > VISIBLE).sum()),
+        false_fixes=int(fixed[hidden].sum()), occluded=len(back) >= SOON_FRAMES, found_again=found,
+    )  # fmt: skip
+
+
+def raw_kcf(path: Path, box: Box) -> np.ndarray:
+    """Centres (frames, 2) of OpenCV's KCF as it comes; NaN where it reports nothing."""
+    capture, centres, tracker = cv2.VideoCapture(str(path)), [(np.nan, np.nan)] * box.frame, cv2.TrackerKCF.create()
+    for _ in range(box.frame):
+        capture.read()
+    rectangle = tuple(round(v) for v in (box.x, box.y, box.width, box.height))
+    while (frame := capture.read())[0]:
+        good, found = True, rectangle
+        if len(centres) > box.frame:
+            good, found = tracker.update(frame[1])
+        else:
+            tracker.init(frame[1], rectangle)
+        centres.append((found[0] + found[2] / 2 - 0.5, found[1] + found[3] / 2 - 0.5) if good else (np.nan, np.nan))
+    return np.array(centres)
+
+
+def row(name: str, found: list[Figures], with_sigma: bool) -> str:
+    """One line of the table."""
+    errors = np.concatenate([f.errors for f in found])
+    visible = sum(f.visible for f in found)
+    again = [f.found_again for f in found if f.occluded]
+    if not len(errors):
+        return f"{name:<24}{'':>8}{'':>8}{'':>8}{0:>9.3f}"
+    rms, p95 = np.sqrt(np.mean(errors**2, axis=0)), np.percentile(np.abs(errors), 95)
+    normed = np.concatenate([f.errors / f.sigmas[:, None] for f in found])
+    honest = f"{np.sqrt(np.mean(normed**2)):>9.2f}" if with_sigma else f"{'':>9}"
+    return (
+        f"{name:<24}{rms[0]:>8.3f}{rms[1]:>8.3f}{p95:>8.3f}{len(errors) / visible:>9.3f}"
+        f"{sum(f.false_fixes for f in found):>7}{sum(again):>6}/{len(again):<4}{honest}"
+    )
+
+
+def main() -> None:
+    """Prints a row for every car, and both methods over all."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--seeds", type=int, nargs="+", default=HELD_OUT)
+    parser.add_argument("--keep", type=Path, help="folder in which rendered videos are kept and looked for")
+    arguments = parser.parse_args()
+    ours: list[Figures] = []
+    raw: list[Figures] = []
+    print(f"{'scene, car':<24}{'rms x':>8}{'rms y':>8}{'95 %':>8}{'coverage':>9}{'false':>7}{'again':>8}   err/sigma")
+    with tempfile.TemporaryDirectory() as scratch:
+        for seed in arguments.seeds:
+            made, crf = drawn_scene(seed)
+            path = (arguments.keep or Path(scratch)) / f"check-{seed}.mp4"
+            if not path.exists():
+                write(render(made), path, codec="h264", crf=crf)
+            boxes = {car.name: first_box(made, car, first_in_view(made, car)) for car in made.cars}
+            tracks = track_video(path, camera="c", boxes=boxes).tracks
+            for car, track in zip(made.cars, tracks, strict=True):
+                true, share = truth(made, car, boxes[car.name])
+                ours.append(figures(whole(track.xy_px, made.frames), whole(track.sigma_px, made.frames), true, share))
+                kcf = raw_kcf(path, boxes[car.name])
+                raw.append(figures(kcf, np.ones(len(kcf)), true, share))
+                print(row(f"{seed} {car.name} {car.size[0]:.0f} px", ours[-1:], True), flush=True)
+    print(row("ours", ours, True))
+    print(row("KCF as it comes", raw, False))
+    kept = [f for f in ours if len(f.errors) > 0.8 * f.visible and np.sqrt(np.mean(f.errors**2)) < 1.0]
+    print(row(f"ours, {len(ours) - len(kept)} failed left out", kept, True))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""The label page served on this machine and used in a real browser: draw a box, save, pair, delete, track."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import tomllib
+import urllib.error
+import urllib.request
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.export import read_tracks_csv
+from pipeline.label import LabelSession, label_server, page_text
+from tests.integration.report.test_report_browser import BROWSER, browse_address
+from tests.integration.tracking.moving_scene import first_box, render, scene, truth, write
+
+FRAMES, SIZE = 40, (480, 320)
+FLIGHT = """# a flight under the label page
+[cameras.uav1]
+calibration = "none.json"
+video = "one.avi"     # the first
+
+[cameras."uav 2"]
+calibration = "none.json"
+video = "two.avi"
+"""
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    made = scene(31, frames=110, size=SIZE, lengths=(22, 34), hidden=(0, 0))
+    folder = tmp_path_factory.mktemp("videos")
+    write(islice(render(made), FRAMES), folder / "one.avi", codec="MJPG")
+    return made, folder / "one.avi"
+
+
+@pytest.fixture
+def flight(rendered, tmp_path) -> Path:
+    for name in ("one.avi", "two.avi"):
+        (tmp_path / name).hardlink_to(rendered[1])
+    path = tmp_path / "flight.toml"
+    path.write_text(FLIGHT)
+    return path
+
+
+@pytest.fixture
+def serve(flight):
+    """Starts the server on a page; ends it with the test."""
+    session = LabelSession(flight, flight.parent / "out")
+    running = []
+
+    def start(page: str | None = None) -> str:
+        server = label_server(session, page=page)
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        thread.start()
+        running.append((server, thread))
+        return f"http://127.0.0.1:{server.server_address[1]}/"
+
+    yield start
+    for server, thread in running:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    session.close()
+
+
+USE_IT = """
+<script>
+(async () => {
+  const pause = () => new Promise((go) => setTimeout(go, 20));
+  const wait = async (good) => { for (let k = 0; k < 400 && !good(); k += 1) await pause(); };
+  const drag = async (pane, [x, y, w, h]) => {
+    const words = document.getElementById("words");
+    words.textContent = "";
+    const seen = pane.canvas.getBoundingClientRect(), unit = seen.width / pane.canvas.width;
+    const at = (kind, px, py) => pane.canvas.dispatchEvent(new PointerEvent(kind,
+      { pointerId: 1, clientX: seen.left + px * unit, clientY: seen.top + py * unit, bubbles: true }));
+    pane.canvas.setPointerCapture = () => {};
+    at("pointerdown", x, y); at("pointermove", x + w / 2, y + h); at("pointerup", x + w, y + h);
+    await wait(() => words.textContent !== "");
+  };
+  await wait(() => document.documentElement.dataset.ready && panes.every((p) => p.picture.naturalWidth));
+  const done = [];
+  const choose = (pane, name) => { pane.target.value = name; pane.target.dispatchEvent(new Event("change")); };
+  choose(panes[0], "target1");
+  await drag(panes[0], BOXES[0]);
+  choose(panes[0], "target2");
+  await drag(panes[0], BOXES[1]);
+  choose(panes[1], "target1");
+  await drag(panes[1], BOXES[1]);
+  choose(panes[1], "target2");
+  await drag(panes[1], BOXES[0]);
+  choose(panes[1], "target3");
+  await drag(panes[1], [10, 10, 30, 30]);
+  done.push(state.targets.length);
+  panes[1].remove("target3");
+  await wait(() => state.targets.length === 2);
+  done.push(state.targets.length);
+  const is = panes[1].list.querySelector("select");
+  is.value = "target2";
+  is.dispatchEvent(new Event("change"));
+  await wait(() => Math.abs(panes[1].boxes()[0].box[0] - BOXES[0][0]) < 1);
+  document.getElementById("track").click();
+  await wait(() => document.documentElement.dataset.tracked);
+  done.push(document.documentElement.dataset.tracked);
+  panes[0].go(20);
+  await wait(() => panes[0].picture.complete && panes[0].picture.src.endsWith("index=20"));
+  document.documentElement.setAttribute("data-used", done.join(" "));
+})();
+</script>
+"""
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on the path")
+def test_a_person_draws_boxes_pairs_them_and_tracks(rendered, flight, serve, tmp_path):
+    made, _ = rendered
+    boxes = [first_box(made, car) for car in made.cars]
+    drawn = [[box.x, box.y, box.width, box.height] for box in boxes]
+    use = USE_IT.replace("BOXES", json.dumps(drawn))
+    shot = ("--dump-dom", "--virtual-time-budget=60000")
+    page, console = browse_address(serve(page_text().replace("</body>", use + "</body>")), tmp_path / "profile", *shot)
+    assert console == ""
+    assert re.search(r'data-used="([^"]*)"', page)[1].split() == ["3", "2", "4"]
+    text = flight.read_text()
+    assert text.startswith(FLIGHT)
+    targets = tomllib.loads(text)["targets"]
+    assert list(targets) == ["target1", "target2"]
+    for name, sides in zip(targets, drawn, strict=True):
+        for camera in ("uav1", "uav 2"):
+            assert targets[name]["boxes"][camera]["frame"] == 0
+            np.testing.assert_allclose(targets[name]["boxes"][camera]["box"], sides, atol=0.8)
+    tracks = read_tracks_csv(flight.parent / "out" / "tracks.csv")
+    assert [(t.camera, t.target) for t in tracks] == [
+        ("uav1", "target1"), ("uav1", "target2"), ("uav 2", "target1"), ("uav 2", "target2"),
+    ]  # fmt: skip
+    for track, car, box in zip(tracks, made.cars * 2, boxes * 2, strict=True):
+        true_px, _ = truth(made, car, box)
+        assert np.abs(track.xy_px[track.seen] - true_px[:FRAMES][track.seen]).max() < 1.0
+
+
+def asked(url: str, body: object = None, **headers: str) -> tuple[int, bytes]:
+    data = None if body is None else json.dumps(body).encode()
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, data, headers), timeout=20) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read()
+
+
+OURS = {"X-Runningfix": "1"}
+
+
+def test_only_this_page_on_this_machine_is_answered(flight, serve):
+    address = serve()
+    assert address.startswith("http://127.0.0.1:")
+    assert asked(address)[0] == 200
+    assert asked(address, Host="evil.example")[0] == 403
+    box = {"act": "set", "camera": "uav1", "target": "t", "frame": 0, "box": [5, 5, 20, 20]}
+    assert asked(address + "change", box)[0] == 403
+    assert asked(address + "change", box, Host="evil.example", **OURS)[0] == 403
+    assert flight.read_text() == FLIGHT
+    assert asked(address + "change", box, **OURS)[0] == 200
+    assert flight.read_text() == FLIGHT + "\n[targets.t]\nboxes.uav1 = { frame = 0, box = [5, 5, 20, 20] }\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"frame": 40}, "0 to 39"),
+        ({"box": [470, 5, 20, 20]}, "inside 480 x 320"),
+        ({"box": [5, 5, 1, 1]}, "at least 4 x 4"),
+        ({"box": [5, 5, float("nan"), 9]}, "at least 4 x 4"),
+        ({"camera": "uav3"}, "one of uav1, uav 2"),
+        ({"target": " "}, "without a name"),
+        ({"box": "all"}, "cannot be read"),
+        ({"act": "delete"}, "no box"),
+        ({"act": "swap", "with": ""}, "another target"),
+    ],
+)
+def test_what_cannot_be_saved_is_said_and_the_file_left(flight, serve, change, said):
+    box = {"act": "set", "camera": "uav1", "target": "t", "frame": 0, "box": [5, 5, 20, 20]} | change
+    status, answer = asked(serve() + "change", box, **OURS)
+    assert status == 400
+    assert said in json.loads(answer)["error"]
+    assert flight.read_text() == FLIGHT
+
+
+def test_frames_are_the_videos_own_in_any_order(rendered, serve):
+    address, made = serve(), rendered[0]
+    rows = list(islice(render(made), FRAMES))
+    for index in (30, 3, 4, 39, 0):
+        status, jpeg = asked(f"{address}frame?camera=uav%202&index={index}")
+        assert status == 200
+        shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).astype(float)
+        off = [np.abs(shown - rows[k]).mean() for k in range(max(0, index - 1), min(FRAMES, index + 2))]
+        assert int(np.argmin(off)) + max(0, index - 1) == index
+    assert asked(f"{address}frame?camera=uav1&index=40")[0] == 404
+    assert asked(f"{address}nowhere")[0] == 404
