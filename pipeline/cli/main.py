@@ -36,7 +36,8 @@ def run(arguments: Namespace) -> int:
     from pipeline.cli.console import Console
 
     console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json)
-    module = {"calibrate": "calibrate", "demo": "demo", "experiment": "experiment"}.get(arguments.command, "flights")
+    own = ("board", "boresight", "calibrate", "demo", "experiment")
+    module = arguments.command if arguments.command in own else "flights"
     try:
         action = importlib.import_module(f"pipeline.cli.{module}")
         code: int = action.run(arguments, console)

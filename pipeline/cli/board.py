@@ -1,0 +1,36 @@
+"""`runningfix board`: a calibration board to print, at true scale."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from calibration import Board, board_pdf, board_svg
+from calibration.errors import UsageError
+from calibration.files import write_whole
+from pipeline.cli.console import Console
+
+
+def run(arguments: Namespace, console: Console) -> int:
+    """Writes the board's page."""
+    board = Board.parse(
+        arguments.board,
+        square_mm=arguments.square_mm,
+        marker_mm=arguments.marker_mm,
+        dictionary=arguments.dictionary or "",
+    )
+    kinds = {".pdf": board_pdf, ".svg": board_svg}
+    made = kinds.get(arguments.output.suffix.lower())
+    if made is None:
+        raise UsageError(
+            where="-o",
+            seen=str(arguments.output),
+            expected="a name that ends in .pdf or .svg",
+            advice="board.pdf prints everywhere",
+        )
+    write_whole(arguments.output, made(board))
+    summary = {"status": "done", "command": "board", "board": board.name, "files": [str(arguments.output)]}
+    console.result(
+        summary,
+        f"written {arguments.output}: print at 100 %, then measure the bar; glue it onto something flat and stiff",
+    )
+    return 0
