@@ -84,7 +84,7 @@ def edge_blur_px(gray: cv2.typing.MatLike, grid: Floats) -> tuple[float, float]:
     """Blur (a Gaussian's sigma, pixels) across the board's row edges and column edges: (smaller, larger).
 
     Along a profile across an edge, sigma = step / (sqrt(2 pi) steepest slope). A camera that moved while it
-    exposed blurs one of the two directions more. Median over the edges, of which at most some 40 each way are asked.
+    exposed blurs one of the two directions more. Median over the edges, of which at most some 24 each way are asked.
     """
     e1, e2 = steps(grid)
     row_edges = ((grid[:, :-1] + grid[:, 1:]) / 2).reshape(-1, 2)
@@ -124,7 +124,7 @@ def _squares(vectors: Floats) -> Floats:
 
 def _edge_sigma(gray: cv2.typing.MatLike, middle: Floats, across: Floats) -> float:
     """Median sigma of the edges at `middle` (k, 2), profiles along `across` to 0.35 of it either side."""
-    every = 1 + len(middle) // 40
+    every = 1 + len(middle) // 24
     middle, across = middle[::every], across[::every]
     length = np.sqrt(_squares(across)) * 0.7
     count = int(np.clip(round(3 * middle_of(length)), 9, 61))
@@ -139,6 +139,6 @@ def _edge_sigma(gray: cv2.typing.MatLike, middle: Floats, across: Floats) -> flo
 
 
 def _sample(gray: cv2.typing.MatLike, points: Floats) -> Floats:
-    flat = points.reshape(-1, 1, 2).astype(np.float32)
+    flat = points.reshape(1, -1, 2).astype(np.float32)
     tone = cv2.remap(gray, flat, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
     return np.asarray(tone, float).reshape(points.shape[:-1])
