@@ -18,16 +18,15 @@ def run(arguments: Namespace, console: Console) -> int:
         marker_mm=arguments.marker_mm,
         dictionary=arguments.dictionary or "",
     )
-    kinds = {".pdf": board_pdf, ".svg": board_svg}
-    made = kinds.get(arguments.output.suffix.lower())
-    if made is None:
+    suffix = arguments.output.suffix.lower()
+    if suffix not in (".pdf", ".svg"):
         raise UsageError(
             where="-o",
             seen=str(arguments.output),
             expected="a name that ends in .pdf or .svg",
             advice="board.pdf prints everywhere",
         )
-    write_whole(arguments.output, made(board))
+    write_whole(arguments.output, board_pdf(board) if suffix == ".pdf" else board_svg(board))
     summary = {"status": "done", "command": "board", "board": board.name, "files": [str(arguments.output)]}
     console.result(
         summary,
