@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -97,7 +98,7 @@ def with_focal(
         return sigma
     share = np.zeros(len(model.covariance))
     share[:2] = 0.5 / model.K[[0, 1], [0, 1]]
-    relative = float(np.sqrt(max(0.0, share @ model.covariance @ share)))
+    relative = math.sqrt(max(0.0, float(share @ model.covariance @ share)))
     at_corner_px = relative * float(np.hypot(*model.image_size)) / 2
     if at_corner_px < TELLING * float(np.median(rays.sigma_px)):
         return sigma
