@@ -80,10 +80,10 @@ def refine(gray: cv2.typing.MatLike, grid: Floats) -> Floats:
     """Corners (rows, cols, 2) to a few hundredths of a pixel.
 
     The image is smoothed a little first: the gradients that `cornerSubPix` squares are what noise biases. A window
-    of 0.42 spacings holds no edge of a neighbouring corner however the board is turned.
+    of a third of the spacing it is: 0.42 is better on rendered photos, but leaves 0.16 instead of 0.10 px on real ones.
     """
     spacing = spacing_px(grid)
-    half = int(np.clip(spacing / 2.4, 3, max(15, spacing / 5)))
+    half = int(np.clip(spacing / 3, 3, max(15, spacing / 5)))
     margin = half + 8
     left, top = np.maximum(np.floor(grid.min(axis=(0, 1))).astype(int) - margin, 0)
     right, bottom = np.ceil(grid.max(axis=(0, 1))).astype(int) + margin
