@@ -16,6 +16,7 @@ from calibration.board_print import board_pdf, board_svg
 from calibration.camera import CameraModel
 from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
 from calibration.from_files import calibrate_files
+from calibration.pictures import pictures
 from calibration.report import calibration_page
 from calibration.result import CalibratedView, Calibration, RejectedView
 from calibration.solve import calibrate
@@ -35,6 +36,7 @@ __all__ = [
     "calibrate_files",
     "calibration_page",
     "camera_json",
+    "pictures",
     "read_camera",
     "write_camera",
 ]

@@ -1,4 +1,4 @@
-"""Which lens model: the simplest that predicts unseen views as well as the best does.
+"""Which lens model: the usual 5 terms, unless another one predicts unseen views clearly better.
 
 Every candidate is fitted, and judged by its held-out error: each view in turn against the intrinsics of all others.
 """
@@ -16,8 +16,9 @@ from calibration.camera import Lens
 from calibration.start import first_fit
 from calibration.uncertainty import Uncertainty, held_out_px, uncertainty
 
-WORTH = 1.004
-"""A simpler model may be this much worse in held-out error: less than the error's own scatter."""
+WORTH = 0.99
+"""A simpler model must predict unseen views this much better than the usual 5 terms. A term dropped because it does
+not help is not known to be zero: left out at 1.4 sigma of its own it moves its neighbours by 5 of theirs."""
 
 LEAST_NOISE_PX = 0.01
 LONG_LENS, WIDE_LENS = 3.0, 0.5
@@ -90,27 +91,27 @@ def judged(name: str, model: Model, fit: Fit, corners: Corners) -> Candidate:
     return Candidate(name=name, model=model, fit=fit, uncertainty=worth, held_out_view_px=held)
 
 
-def chosen(candidates: Sequence[Candidate]) -> Candidate:
-    """The one with the fewest terms among those that predict about as well as the best."""
-    best = min(c.held_out_px for c in candidates)
-    return min((c for c in candidates if c.held_out_px <= best * WORTH), key=lambda c: c.terms)
+def chosen(five: Candidate, others: Sequence[Candidate]) -> Candidate:
+    """The one that predicts best among those that are worth leaving the usual five terms for, else these."""
+    better = [c for c in others if c.held_out_px < WORTH * five.held_out_px or not five.uncertainty.determined]
+    return min(better, key=lambda c: c.held_out_px, default=five)
 
 
 def automatic(
     corners: Corners, image_size: tuple[int, int], board_m: Floats, base: Candidate, noise_px: float
 ) -> Candidate:
     """The best pinhole model, or a fisheye where no pinhole describes the lens. `base` is the 5-term fit."""
-    tried = [base]
+    others = []
     long = base.fit.intrinsics[0] > LONG_LENS * max(image_size)
     for choice in ("focal", "1", "2", "4") if long else ("1", "2", "4"):
-        tried.append(fitted(choice, corners, image_size, board_m, _truncated(base.fit, choice)))
+        others.append(fitted(choice, corners, image_size, board_m, _truncated(base.fit, choice)))
     if corners.views >= 10:
-        tried.append(fitted("8", corners, image_size, board_m, base.fit))
-        tried = [c for c in tried if c.name != "8 terms" or _worth_eight(c, base)]
-    best = chosen(tried)
-    if corners.views >= 5 and _strange(best, image_size, noise_px):
+        eight = fitted("8", corners, image_size, board_m, base.fit)
+        others += [eight] if _worth_eight(eight, base) else []
+    best = chosen(base, others)
+    if corners.views >= 5 and (best.name == "8 terms" or _strange(best, image_size, noise_px)):
         fish = fitted("fisheye", corners, image_size, board_m)
-        if fish.held_out_px < 0.8 * best.held_out_px:
+        if fish.held_out_px < (1.0 if best.name == "8 terms" else 0.95) * best.held_out_px:
             return fish
     return best
 

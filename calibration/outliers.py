@@ -10,6 +10,7 @@ import numpy as np
 from calibration.adjust import Corners, Fit, Model, adjust, stacked
 from calibration.arrays import Bools, Floats
 from calibration.start import first_fit, posed, view_rms_px
+from calibration.uncertainty import uncertainty
 from calibration.views import BoardView
 
 TIMES_MEDIAN = 3.0
@@ -21,6 +22,8 @@ APART = 0.6
 """Two cameras: each group's RMS is at most this share of what they leave together ..."""
 LEAST_FOCAL_CHANGE = 0.005
 """... and the focal lengths differ by this, relative."""
+HARD_PULL = 8.0
+"""Variance of a view's pull on the camera, over the typical view's: beyond it the view contradicts the others."""
 
 
 def agreeing(model: Model, views: Sequence[BoardView]) -> tuple[Fit, Bools, Floats]:
@@ -46,6 +49,27 @@ def kept(fit: Fit, corners: Corners, which: Bools) -> Fit:
         residual_px=fit.residual_px[rows],
         weight=fit.weight[rows],
     )
+
+
+def contradicting(
+    model: Model, fit: Fit, views: Sequence[BoardView], least_px: float
+) -> tuple[list[BoardView], list[tuple[BoardView, float]], Fit]:
+    """The views without those that fit well by themselves but want another camera, those with the pull, the new fit.
+
+    A photo of a slightly other zoom or focus leaves hardly a residual, since the board's distance takes it up. One
+    view at a time, the hardest first, and at most a fifth of them.
+    """
+    left, gone = list(views), []
+    fit = adjust(model, fit, stacked(left), max_iterations=30)
+    while len(left) > max(5, 0.8 * len(views)):
+        pull = uncertainty(model, fit, stacked(left), least_px).pull
+        worst = int(np.argmax(pull))
+        if not pull[worst] > HARD_PULL * max(1.0, float(np.median(pull))):
+            break
+        stays = np.arange(len(left)) != worst
+        fit = adjust(model, kept(fit, stacked(left), stays), stacked([*left[:worst], *left[worst + 1 :]]))
+        gone.append((left.pop(worst), float(np.sqrt(pull[worst]))))
+    return left, gone, fit
 
 
 def two_cameras(model: Model, views: Sequence[BoardView], fit: Fit, seed: int = 0) -> tuple[Bools, float, float] | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -12,6 +13,7 @@ from calibration.result import CalibratedView, Calibration
 NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty")
 FISHEYE_NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 ARROW = 40
+STRONG = 0.9
 COLOURS = {"good": "#1a7f37", "usable": "#9a6700", "poor": "#cf222e"}
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:64rem;padding:0 1rem;color:#1f2328}
@@ -19,11 +21,18 @@ h1{font-size:1.6rem;margin:0}h2{font-size:1.15rem;margin:2rem 0 .5rem}.verdict{f
 table{border-collapse:collapse;width:100%}th,td{padding:.25rem .6rem;text-align:right;border-bottom:1px solid #d8dee4}
 th:first-child,td:first-child{text-align:left}svg{width:100%;height:auto;background:#f6f8fa;border:1px solid #d8dee4}
 .note{color:#59636e;font-size:.9rem}.bar{fill:#0969da}.held{fill:none;stroke:#1f2328}li{margin:.3rem 0}
+.photos{display:grid;grid-template-columns:repeat(auto-fill,minmax(16rem,1fr));gap:1rem}
+figure{margin:0}figure img{width:100%;height:auto}figcaption{font-size:.8rem;color:#59636e;overflow-wrap:anywhere}
 """
 
 
-def calibration_page(found: Calibration, *, title: str = "Camera calibration") -> str:
-    """One HTML page without outside parts: verdict, intrinsics, residuals over the image, a row per view."""
+def calibration_page(
+    found: Calibration, *, title: str = "Camera calibration", pictures: Mapping[str, bytes] | None = None
+) -> str:
+    """One HTML page without outside parts: verdict, intrinsics, residuals over the image, a row per view.
+
+    `pictures` are JPEGs by the names of views (`calibration.pictures`).
+    """
     width, height = found.camera.image_size
     typical, worst = found.projection_sigma_px
     return f"""<!doctype html>
@@ -36,12 +45,14 @@ Verdict: <span class="verdict" style="color:{COLOURS[found.verdict]}">{found.ver
 direction is known to {typical:.2f} px typically, {worst:.2f} px at worst over the image (one sigma).</p>
 {_list("What is wrong", found.warnings)}{_list("What to photograph next", found.advice)}
 <h2>Intrinsics</h2>{_intrinsics(found)}
+{_correlated(found)}
 <h2>Where the corners were</h2>
 <p class="note">Residuals drawn {ARROW} times as long. Everything outside of the dots is extrapolated.</p>
 {_image(found)}
 <h2>Views</h2>
 <p class="note">Bars: error of each view; outlined: the same when the view is predicted from all others.</p>
 {_bars(found.views)}{_views(found)}
+{_pictures(found, pictures or {})}
 </body></html>
 """
 
@@ -63,6 +74,31 @@ def _intrinsics(found: Calibration) -> str:
         for name, value, sigma in zip(_names(found), values, found.sigma, strict=True)
     )
     return f"<table><tr><th></th><th>value</th><th>one sigma</th></tr>{rows}</table>"
+
+
+def _correlated(found: Calibration) -> str:
+    """Pairs of parameters that can hardly be told apart."""
+    names, rho = _names(found), found.correlation
+    pairs = [
+        f"{names[i]} and {names[j]} ({rho[i, j]:+.2f})"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(rho[i, j]) > STRONG
+    ]
+    return f'<p class="note">Known together better than apart (correlation): {", ".join(pairs)}.</p>' if pairs else ""
+
+
+def _pictures(found: Calibration, pictures: Mapping[str, bytes]) -> str:
+    """The photos with their corners, those that were not used last."""
+    words = {v.name: f"{v.rms_px:.3f} px" for v in found.views} | {r.name: r.reason for r in found.rejected}
+    figures = "".join(
+        f'<figure><img alt="{escape(name)}" src="data:image/jpeg;base64,{b64encode(pictures[name]).decode()}">'
+        f"<figcaption>{escape(name)}: {escape(said)}</figcaption></figure>"
+        for name, said in words.items()
+        if name in pictures
+    )
+    note = f'<p class="note">Corners found, and residuals drawn {ARROW} times as long.</p>'
+    return f'<h2>Photos</h2>{note}<div class="photos">{figures}</div>' if figures else ""
 
 
 def _image(found: Calibration) -> str:

@@ -15,9 +15,9 @@ from calibration.adjust import Corners, Fit, Model, adjust, stacked
 from calibration.arrays import Bools, Floats
 from calibration.board import Board
 from calibration.camera import CameraModel
-from calibration.candidates import CHOICES, Candidate, automatic, fitted, judged, model_named
+from calibration.candidates import CHOICES, LEAST_NOISE_PX, Candidate, automatic, fitted, judged, model_named
 from calibration.errors import CalibrationError, InputFileError, UsageError
-from calibration.outliers import agreeing, kept, two_cameras
+from calibration.outliers import agreeing, contradicting, kept, two_cameras
 from calibration.quality import Coverage, coverage, grid_of
 from calibration.result import CalibratedView, Calibration, RejectedView
 from calibration.start import normalised, view_rms_px
@@ -106,7 +106,12 @@ def _without_outliers(
         if not good
     ]
     used = [v for v, good in zip(views, agree, strict=True) if good]
-    return used, bad, (model, kept(fit, stacked(views), agree))
+    used, against, fit = contradicting(model, kept(fit, stacked(views), agree), used, LEAST_NOISE_PX)
+    bad += [
+        RejectedView(name=v.name, reason=f"contradicts the other views ({pull:.0f} sigma): another zoom or focus?")
+        for v, pull in against
+    ]
+    return used, bad, (model, fit)
 
 
 def _agreeing(

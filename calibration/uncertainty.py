@@ -26,6 +26,7 @@ class Uncertainty:
     covariance     (4 + d, 4 + d) of the intrinsics; zero rows where held
     sigma0_px      of one coordinate of one corner, from the residuals and their degrees of freedom
     inflation      variance of the views' pulls on the intrinsics over that of independent corners (1: independent)
+    pull           (v,) how hard each view pulls the shared unknowns, variance over that of independent corners
     without_view   (v, 4 + d) intrinsics that all the other views give
     determined     false where some direction of the unknowns is not determined at all
     """
@@ -33,6 +34,7 @@ class Uncertainty:
     covariance: Floats
     sigma0_px: float
     inflation: float
+    pull: Floats
     without_view: Floats
     determined: bool
 
@@ -54,7 +56,7 @@ def uncertainty(model: Model, fit: Fit, corners: Corners, noise_px: float) -> Un
         pull = scale * equations.g_v[v][free]
         change[v, free] = scale * np.linalg.lstsq(rest, pull, rcond=1e-12)[0]
     parts = equations.S_v[np.ix_(np.arange(corners.views), free, free)]
-    inflation = _inflation(
+    pull, inflation = _pulls(
         scale * equations.g_v[:, free], parts * np.outer(scale, scale), S * np.outer(scale, scale), sigma0
     )
     covariance = np.zeros((q, q))
@@ -67,6 +69,7 @@ def uncertainty(model: Model, fit: Fit, corners: Corners, noise_px: float) -> Un
         covariance=covariance,
         sigma0_px=sigma0,
         inflation=inflation,
+        pull=pull,
         without_view=fit.intrinsics + change[:, :q],
         determined=determined,
     )
@@ -142,20 +145,21 @@ def project_residual(model: Model, fit: Fit, corners: Corners) -> Floats:
     return project_all(model, fit, corners)[0] - corners.xy
 
 
-def _inflation(pull: Floats, parts: Floats, S: Floats, sigma0: float) -> float:
-    """Variance of the views' pulls over what independent corners would give, mean over the shared unknowns.
+def _pulls(pull: Floats, parts: Floats, S: Floats, sigma0: float) -> tuple[Floats, float]:
+    """Variance of each view's pull over what independent corners would give, and the same over all views.
 
-    With S whitened to 1, independent corners give E[g_v g_v'] = sigma0^2 (S_v - S_v^2) at the fit, so the ratio
-    below has mean 1 then, whatever the views' leverages.
+    With S whitened to 1, independent corners give E[g_v g_v'] = sigma0^2 (S_v - S_v^2) at the fit, so the ratios
+    below have mean 1 then, whatever the views' leverages.
     """
     if len(pull) < 4:
-        return 1.0
+        return np.ones(len(pull)), 1.0
     values, vectors = np.linalg.eigh(S)
     known = values > 1e-12 * values[-1]
     root = vectors[:, known] / np.sqrt(values[known])
     white = root.T @ parts @ root
     expected = np.trace(white, axis1=1, axis2=2) - np.einsum("vij,vji->v", white, white)
-    return float(np.sum((pull @ root) ** 2) / (sigma0**2 * expected.sum()))
+    size = np.sum((pull @ root) ** 2, axis=1) / sigma0**2
+    return size / np.maximum(expected, 1e-12), float(size.sum() / expected.sum())
 
 
 def _tied_focal(covariance: Floats, fit: Fit) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -81,7 +81,7 @@ def computed_views(
     ]
 
 
-@cache
+@lru_cache(maxsize=4)
 def _rays(lens: CameraModel, supersample: int) -> Floats:
     """Directions (h * s, w * s, 2) on the plane z = 1 of the sub-pixels."""
     width, height = lens.image_size
@@ -105,25 +105,68 @@ def render(
     noise: float = 2.0,
     seed: int = 0,
     supersample: int = 2,
+    motion_px: float = 0.0,
 ) -> cv2.typing.MatLike:
-    """The photo (h, w) uint8 of the board in front of a gray wall; light falls off to one side."""
+    """The photo (h, w) uint8 of the board in front of a gray wall; light falls off to one side.
+
+    `motion_px` is by how much the image moved to the lower right while it was exposed.
+    """
+    width, height = lens.image_size
+    small = np.full((height, width), 110.0)
+    place = _around(lens, board, pose)
+    part = _rays(lens, supersample)[tuple(slice(s.start * supersample, s.stop * supersample) for s in place)]
+    tone = _tone(part, board, pose)
+    rows, cols = tone.shape[0] // supersample, tone.shape[1] // supersample
+    small[place] = tone.reshape(rows, supersample, cols, supersample).mean(axis=(1, 3))
+    small *= np.linspace(0.8, 1.0, width)
+    if blur_px:
+        small = cv2.GaussianBlur(small, (0, 0), blur_px)
+    if motion_px:
+        small = cv2.filter2D(small, -1, _smear(motion_px))
+    noisy = small + np.random.default_rng(seed).normal(0, noise, small.shape)
+    return np.clip(noisy + 0.5, 0, 255).astype(np.uint8)
+
+
+def _around(lens: CameraModel, board: Board, pose) -> tuple[slice, slice]:
+    """Rows and columns of the image that hold the paper."""
+    R, t = pose
+    edge = np.linspace(0, 1, 30)
+    low, right, bottom = -1.6, board.cols + 0.6, board.rows + 0.6
+    x, y = low + edge * (right - low), low + edge * (bottom - low)
+    sides = [(x, np.full(30, low)), (x, np.full(30, bottom)), (np.full(30, low), y), (np.full(30, right), y)]
+    rim = np.concatenate([np.stack([a, b, np.zeros(30)], axis=1) for a, b in sides]) * board.square_m
+    pixels = project(lens, rim @ R.T + t)
+    size = np.array(lens.image_size)
+    first = np.clip(np.floor(pixels.min(axis=0)).astype(int) - 3, 0, size - 1)
+    last = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + 4, 1, size)
+    return slice(first[1], last[1]), slice(first[0], last[0])
+
+
+def _tone(rays: Floats, board: Board, pose) -> Floats:
+    """Brightness of what the rays (h, w, 2) on the plane z = 1 meet."""
     R, t = pose
     inverse = np.linalg.inv(np.column_stack([R[:, 0], R[:, 1], t]))
-    rays = _rays(lens, supersample)
     w = rays[..., 0] * inverse[2, 0] + rays[..., 1] * inverse[2, 1] + inverse[2, 2]
     u = (rays[..., 0] * inverse[0, 0] + rays[..., 1] * inverse[0, 1] + inverse[0, 2]) / w / board.square_m
     v = (rays[..., 0] * inverse[1, 0] + rays[..., 1] * inverse[1, 1] + inverse[1, 2]) / w / board.square_m
     dark = (1 + _square_wave(u) * _square_wave(v)) / 2
     squares = (u > -1) & (u < board.cols) & (v > -1) & (v < board.rows)
     paper = (u > -1.6) & (u < board.cols + 0.6) & (v > -1.6) & (v < board.rows + 0.6)
-    tone = np.where(squares, 215.0 - 185.0 * dark, np.where(paper, 215.0, 110.0))
-    height, width = lens.image_size[1], lens.image_size[0]
-    small = tone.reshape(height, supersample, width, supersample).mean(axis=(1, 3))
-    small *= np.linspace(0.8, 1.0, width)
-    if blur_px:
-        small = cv2.GaussianBlur(small, (0, 0), blur_px)
-    noisy = small + np.random.default_rng(seed).normal(0, noise, small.shape)
-    return np.clip(noisy + 0.5, 0, 255).astype(np.uint8)
+    return np.where(squares, 215.0 - 185.0 * dark, np.where(paper, 215.0, 110.0))
+
+
+def _smear(length_px: float) -> Floats:
+    """Kernel of a straight motion at 30 degrees, its middle in the middle."""
+    half = int(np.ceil(length_px / 2)) + 1
+    kernel = np.zeros((2 * half + 1, 2 * half + 1))
+    for s in np.linspace(-0.5, 0.5, 201) * length_px:
+        x, y = half + s * np.cos(np.pi / 6), half + s * np.sin(np.pi / 6)
+        i, j = int(y), int(x)
+        fy, fx = y - i, x - j
+        for di, wy in ((0, 1 - fy), (1, fy)):
+            for dj, wx in ((0, 1 - fx), (1, fx)):
+                kernel[min(i + di, 2 * half), min(j + dj, 2 * half)] += wy * wx
+    return kernel / kernel.sum()
 
 
 def _square_wave(u: Floats) -> Floats:

@@ -4,28 +4,90 @@ from __future__ import annotations
 
 import time
 from argparse import Namespace
+from pathlib import Path
 from typing import Any
 
-from calibration import Board, Calibration, calibrate_files, write_camera
+from calibration import Board, Calibration, calibrate_files, calibration_page, pictures, write_camera
+from calibration.errors import CalibrationError, RunningFixError, UsageError
+from calibration.files import write_whole
 from pipeline.cli.console import Console
+
+SUFFIXES = {"json": ".json", "opencv-xml": ".xml", "caliscope": ".toml", "aniposelib": ".toml"}
+VERDICTS = ("poor", "usable", "good")
 
 
 def run(arguments: Namespace, console: Console) -> int:
     """Calibrates, writes the camera file, says how far to believe it."""
-    begin = time.perf_counter()
-    board = Board.parse(arguments.board, square_mm=arguments.square_mm)
-    found = calibrate_files(
-        arguments.sources, board, progress=lambda done, total: console.progress("photos", done, total)
+    board = Board.parse(
+        arguments.board,
+        square_mm=arguments.square_mm,
+        marker_mm=arguments.marker_mm,
+        dictionary=arguments.dictionary or "",
     )
-    write_camera(arguments.output, found.camera)
+    if arguments.each:
+        return _run_each(arguments, board, console)
+    report, text = _calibrated(arguments.sources, arguments.output, board, arguments, console)
+    console.result(report, text)
+    return _code(report, arguments)
+
+
+def _run_each(arguments: Namespace, board: Board, console: Console) -> int:
+    """One camera after the other; one that fails is told, and the others go on."""
+    cameras: dict[str, Any] = {}
+    texts, codes = [], []
+    for source in arguments.sources:
+        name = source.resolve().name if source.is_dir() else source.stem
+        if name in cameras:
+            raise UsageError(
+                where="--each", seen=f"two sources named {name}", expected="a name for each camera", advice="rename one"
+            )
+        output = arguments.output / (name + SUFFIXES.get(arguments.format, ".yaml"))
+        try:
+            cameras[name], text = _calibrated([source], output, board, arguments, console)
+            codes.append(_code(cameras[name], arguments))
+        except RunningFixError as error:
+            cameras[name], text = {"status": "error", "exit_code": error.exit_code, "error": str(error)}, str(error)
+            console.error(f"{name}: {error}")
+            codes.append(error.exit_code)
+        texts.append(f"{name}\n{text}")
+    done = {"status": "done" if not any(codes) else "error", "command": "calibrate", "cameras": cameras}
+    files = [file for camera in cameras.values() for file in camera.get("files", [])]
+    console.result({**done, "files": files}, "\n\n".join(texts))
+    return next((code for code in codes if code), 0)
+
+
+def _calibrated(
+    sources: list[Path], output: Path, board: Board, arguments: Namespace, console: Console
+) -> tuple[dict[str, Any], str]:
+    """One camera: its files written; the summary for machines and for people."""
+    begin = time.perf_counter()
+    stage = f"photos of {output.stem}"
+    found = calibrate_files(
+        sources, board, progress=lambda done, total: console.progress(stage, done, total), terms=arguments.terms
+    )
+    write_camera(output, found.camera, format_name=arguments.format)
+    files = [str(output)]
+    if arguments.report:
+        page = output.with_suffix(".html")
+        write_whole(
+            page, calibration_page(found, title=f"Calibration of {output.stem}", pictures=pictures(sources, found))
+        )
+        files.append(str(page))
     seconds = time.perf_counter() - begin
     for line in (*found.warnings, *found.advice):
         console.say(f"note: {line}")
-    console.result(summary(found, arguments, seconds), words(found, arguments))
-    return 0
+    return summary(found, files, seconds), words(found, files)
 
 
-def summary(found: Calibration, arguments: Namespace, seconds: float) -> dict[str, Any]:
+def _code(report: dict[str, Any], arguments: Namespace) -> int:
+    """5 where the verdict is worse than what was asked for."""
+    wanted = arguments.at_least
+    if wanted is None or VERDICTS.index(report["verdict"]) >= VERDICTS.index(wanted):
+        return 0
+    return CalibrationError.exit_code
+
+
+def summary(found: Calibration, files: list[str], seconds: float) -> dict[str, Any]:
     """The summary that `--json` prints."""
     return {
         "status": "done",
@@ -45,11 +107,11 @@ def summary(found: Calibration, arguments: Namespace, seconds: float) -> dict[st
         "warnings": list(found.warnings),
         "advice": list(found.advice),
         "seconds": {"calibrate": round(seconds, 3)},
-        "files": [str(arguments.output)],
+        "files": files,
     }
 
 
-def words(found: Calibration, arguments: Namespace) -> str:
+def words(found: Calibration, files: list[str]) -> str:
     """The same for people."""
     (fx, _, cx), (_, fy, cy), _ = found.camera.K
     rows = [f"{'view':<28}{'rms px':>8}{'held out':>10}{'tilt deg':>10}{'distance m':>12}"]
@@ -66,5 +128,5 @@ def words(found: Calibration, arguments: Namespace) -> str:
         f"lens             {found.lens}",
         f"reprojection     {found.rms_px:.3f} px RMS, {found.held_out_px:.3f} px for views left out",
         f"verdict          {found.verdict}",
-        f"written          {arguments.output}",
+        f"written          {', '.join(files)}",
     ])  # fmt: skip

@@ -12,7 +12,7 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 INTERRUPTED = 130
-OWN_MODULES = {name: name for name in ("calibrate", "detect", "label", "demo", "experiment")}
+OWN_MODULES = {name: name for name in ("board", "boresight", "calibrate", "detect", "label", "demo", "experiment")}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

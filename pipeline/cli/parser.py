@@ -19,6 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    _board(commands)
     _calibrate(commands)
     _detect(commands)
     _label(commands)
@@ -29,6 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
         ("run", "all of it; resumes where it was stopped"),
     ):
         _flight_command(commands, name, what)
+    _boresight(commands)
     _demo(commands)
     _experiment(commands)
     return parser
@@ -52,17 +54,72 @@ def _command(commands: Commands, name: str, what: str, example: str) -> argparse
     return parser
 
 
+def _board(commands: Commands) -> None:
+    parser = _command(
+        commands, "board", "a calibration board to print, PDF or SVG at true scale",
+        "runningfix board --board 9x6 --square-mm 25 -o board.pdf",
+    )  # fmt: skip
+    _pattern(parser)
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="board.pdf", help="file to write (.pdf .svg)"
+    )
+
+
+def _pattern(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--board", required=True, metavar="COLSxROWS", help="inner corners of the board, such as 9x6")
+    parser.add_argument("--square-mm", required=True, type=float, metavar="MM", help="side of one square")
+    parser.add_argument(
+        "--marker-mm", type=float, metavar="MM", help="side of the markers: the board is a ChArUco board"
+    )
+    parser.add_argument("--dictionary", metavar="NAME", help="of the markers (default DICT_5X5_1000)")
+
+
 def _calibrate(commands: Commands) -> None:
     parser = _command(
         commands,
         "calibrate",
-        "photos or a video of a checkerboard -> camera.json",
+        "photos or a video of a board -> camera.json",
         "runningfix calibrate board/*.jpg --board 9x6 --square-mm 25 -o camera.json",
     )
     parser.add_argument("sources", nargs="+", type=Path, metavar="PHOTOS|VIDEO", help="photos, folders, or a video")
-    parser.add_argument("--board", required=True, metavar="COLSxROWS", help="inner corners of the board, such as 9x6")
-    parser.add_argument("--square-mm", required=True, type=float, metavar="MM", help="side of one square")
+    _pattern(parser)
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="camera.json", help="file to write")
+    terms = ("auto", "focal", "1", "2", "4", "5", "8", "fisheye")
+    parser.add_argument("--terms", choices=terms, default="auto", help="distortion terms (default: by held-out error)")
+    parser.add_argument("--report", action="store_true", help="also write a page with pictures beside it (.html)")
+    formats = ("json", "opencv-yaml", "opencv-xml", "ros", "kalibr", "aniposelib", "caliscope")
+    parser.add_argument("--format", choices=formats, default="json", help="of the camera file (default json)")
+    parser.add_argument(
+        "--each", action="store_true", help="every source is a camera of its own; -o is a folder for NAME.json"
+    )
+    parser.add_argument(
+        "--at-least", choices=("usable", "good"), help="exit code 5 where the verdict is worse (the file is written)"
+    )
+
+
+def _boresight(commands: Commands) -> None:
+    parser = _command(
+        commands, "boresight", "mount angles and start of the video from a flight",
+        "runningfix boresight flight.toml --still mast --at 28.2001 112.9003 61.5 -o out/",
+    )  # fmt: skip
+    parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file")
+    parser.add_argument(
+        "--still", metavar="TARGET", help="a tracked target that stood still at a known place; without it, the "
+        "trajectories of the flight solved in -o",
+    )  # fmt: skip
+    parser.add_argument(
+        "--at", nargs=3, type=float, metavar=("LAT", "LON", "HEIGHT"),
+        help="its place: degrees, and metres above the ellipsoid",
+    )  # fmt: skip
+    parser.add_argument("--at-sigma-m", type=float, default=0.05, metavar="M", help="of the place (default 0.05)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="out/",
+        help="folder with tracks.csv; boresight.json goes there",
+    )
 
 
 def _detect(commands: Commands) -> None:

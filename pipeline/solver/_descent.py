@@ -19,6 +19,8 @@ import numpy as np
 from pipeline.solver._kernels import _compiled, _inlined, assemble, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2
+FIRST_DAMPING = 1e-4
+"""Relative. A step damped by no more than this is as good as the full one when it says that nothing is to gain."""
 OFFSET, SCALE, START, FOCAL = 7, 8, 9, 6
 
 
@@ -225,7 +227,7 @@ def descend(  # type: ignore[no-untyped-def]
             foretold = frame_gain
             for i in range(size):
                 foretold += 0.5 * step[i] * (amount[i] * step[i] - right[i])
-            if foretold <= small * cost and damping <= first_damping:
+            if foretold <= small * cost and damping <= FIRST_DAMPING:
                 status, iteration = CONVERGED, count
                 break
             # --- the trial point

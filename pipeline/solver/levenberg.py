@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.records import SolveStatus
+from pipeline.solver._descent import FIRST_DAMPING
 from pipeline.solver.assembly import Linear, linear, moved
 from pipeline.solver.bordered import Bordered, factorise
 from pipeline.solver.dense import descend, is_dense
 from pipeline.solver.model import Model, State
 
-FIRST_DAMPING = 1e-4
 SMALL = 1e-9
 """Relative change of the cost that ends the iteration."""
 Progress = Callable[[int, float], None]
@@ -66,7 +66,7 @@ def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent()
 def _compiled(model: Model, start: State, descent: Descent, small: float) -> Fit:
     """The same path in one compiled call."""
     status, iterations, state, corner, gradient, cost, gain, history = descend(
-        model, start, descent.max_iterations, small, FIRST_DAMPING
+        model, start, descent.max_iterations, small, descent.damping
     )
     if descent.progress is not None:
         for count, reached in enumerate(history, start=1):

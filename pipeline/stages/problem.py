@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,9 +13,12 @@ from calibration.camera import CameraModel, pixel_from_ray, unproject
 from calibration.camera_files import read_camera
 from pipeline.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import Flight
-from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
+from pipeline.records import CameraInput, ImageTrack, InstrumentSigma, PoseTrack, Problem, SightRays, TargetInput
 from pipeline.stages.measured import MeasuredPoses
 from pipeline.stages.tracks import place_sigma_px
+
+TELLING = 0.2
+"""Share of a pixel's sigma below which an error of the focal length is not worth an unknown."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,10 +80,29 @@ def build_problem(
         rays = replace(rays, place_sigma_px=place_sigma_px(flight, flight.camera(pose.camera)))
         if lost:
             notes.append(f"{pose.camera}: {lost} fixes left out, the lens model maps no direction to them")
-        inputs.append(_camera(flight, pose, rays, measured))
+        own_sigma = with_focal(pose.sigma, flight.camera(pose.camera).sigma, models[pose.camera], rays)
+        inputs.append(_camera(flight, replace(pose, sigma=own_sigma), rays, measured))
     _check_common(flight, inputs)
     problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)
     return BuiltProblem(problem=problem, models=models, notes=tuple(notes))
+
+
+def with_focal(
+    sigma: InstrumentSigma, given: Mapping[str, float], model: CameraModel, rays: SightRays
+) -> InstrumentSigma:
+    """`sigma` with the focal length's own, relative, from the calibration's covariance; what is `given` goes first.
+
+    It stays held where even at the image's corner it moves less than observations can tell.
+    """
+    if "focal" in given or model.covariance is None:
+        return sigma
+    share = np.zeros(len(model.covariance))
+    share[:2] = 0.5 / model.K[[0, 1], [0, 1]]
+    relative = math.sqrt(max(0.0, float(share @ model.covariance @ share)))
+    at_corner_px = relative * float(np.hypot(*model.image_size)) / 2
+    if at_corner_px < TELLING * float(np.median(rays.sigma_px)):
+        return sigma
+    return replace(sigma, focal=relative)
 
 
 def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput, ...]:

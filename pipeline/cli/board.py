@@ -1,0 +1,35 @@
+"""`runningfix board`: a calibration board to print, at true scale."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from calibration import Board, board_pdf, board_svg
+from calibration.errors import UsageError
+from calibration.files import write_whole
+from pipeline.cli.console import Console
+
+
+def run(arguments: Namespace, console: Console) -> int:
+    """Writes the board's page."""
+    board = Board.parse(
+        arguments.board,
+        square_mm=arguments.square_mm,
+        marker_mm=arguments.marker_mm,
+        dictionary=arguments.dictionary or "",
+    )
+    suffix = arguments.output.suffix.lower()
+    if suffix not in (".pdf", ".svg"):
+        raise UsageError(
+            where="-o",
+            seen=str(arguments.output),
+            expected="a name that ends in .pdf or .svg",
+            advice="board.pdf prints everywhere",
+        )
+    write_whole(arguments.output, board_pdf(board) if suffix == ".pdf" else board_svg(board))
+    summary = {"status": "done", "command": "board", "board": board.name, "files": [str(arguments.output)]}
+    console.result(
+        summary,
+        f"written {arguments.output}: print at 100 %, then measure the bar; glue it onto something flat and stiff",
+    )
+    return 0
