@@ -12,6 +12,7 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 INTERRUPTED = 130
+OWN_MODULE = ("calibrate", "inspect", "demo", "experiment")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,7 +37,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.cli.console import Console
 
     console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json)
-    module = {"calibrate": "calibrate", "demo": "demo", "experiment": "experiment"}.get(arguments.command, "flights")
+    module = arguments.command if arguments.command in OWN_MODULE else "flights"
     try:
         action = importlib.import_module(f"pipeline.cli.{module}")
         code: int = action.run(arguments, console)

@@ -44,7 +44,8 @@ class MessageTable:
         """One field as float64; NaN throughout where this version of the message has no such field."""
         if field_name not in self.columns:
             return np.full(len(self), np.nan)
-        return np.asarray(self.columns[field_name], float)
+        with np.errstate(invalid="ignore"):  # a signalling NaN in a broken message is a NaN
+            return np.asarray(self.columns[field_name], float)
 
     def only(self, keep: Bools) -> MessageTable:
         """The rows where `keep` (n,) is true."""
