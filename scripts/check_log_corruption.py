@@ -83,6 +83,7 @@ def silence() -> Iterator[None]:
 
 
 def tlog_names() -> tuple[str, ...]:
+    """Every message of the dialect."""
     return tuple(message.msgname for message in mavutil.mavlink.mavlink_map.values())
 
 
@@ -131,6 +132,7 @@ def their_bin(content: bytes, path: Path) -> Counter[bytes]:
 
 
 def good(found: Counter[bytes], true: Counter[bytes]) -> int:
+    """How many of the found are true."""
     return (found & true).total()
 
 
@@ -142,6 +144,7 @@ def bin_hit(found: Counter[bytes], true: Counter[bytes], content: bytes, whole: 
 
 
 def hit_in_place(message: bytes, content: bytes, whole: bytes) -> bool:
+    """Whether a message stands where one of its kind stood."""
     at = content.find(message)
     return at >= 0 and whole[at : at + 3] == message[:3]
 
@@ -150,6 +153,7 @@ def hit_in_place(message: bytes, content: bytes, whole: bytes) -> bool:
 
 
 def check_corruptions(folder: Path, runs: int) -> bool:
+    """The table of corruptions."""
     tlog, binary = written_logs()
     fine = True
     print(f"{'log':<10}{'damage':<18}{'runs':>6}{'crashes':>9}{'wrong':>7}{'hit':>6}{'fewer than pymavlink':>22}"
@@ -161,7 +165,8 @@ def check_corruptions(folder: Path, runs: int) -> bool:
                 one_corruption(folder, what, whole, kind, run, tally)
             fine &= not (tally["crash"] or tally["wrong"] or tally["fewer"])
             print(f"{what:<10}{kind:<18}{tally['runs']:>6}{tally['crash']:>9}{tally['wrong']:>7}{tally['hit']:>6}"
-                  f"{tally['fewer']:>22}{tally['ours']:>11}{tally['theirs']:>9}{tally['theirs wrong']:>14}", flush=True)  # fmt: skip
+                  f"{tally['fewer']:>22}{tally['ours']:>11}{tally['theirs']:>9}"
+                  f"{tally['theirs wrong']:>14}", flush=True)  # fmt: skip
     return fine
 
 
@@ -169,6 +174,7 @@ _WHOLE: dict[str, tuple[Counter[bytes], Counter[bytes], list[tuple[int, int]], i
 
 
 def one_corruption(folder: Path, what: str, whole: bytes, kind: str, run: int, tally: Counter[str]) -> None:
+    """Damages once, reads with both, and counts."""
     path = folder / ("a.tlog" if what == "tlog" else "a.bin")
     if what not in _WHOLE:
         path.write_bytes(whole)
@@ -222,6 +228,7 @@ def whole_log(path: Path, what: str, whole: bytes) -> tuple[Counter[bytes], Coun
 
 
 def written_logs() -> tuple[bytes, bytes]:
+    """The small flight in both formats."""
     scene = small_scene()
     clock = LogClock(boot_zero_s=412.345, utc_zero_s=1748770200.0, recorder_zero_s=1748770200.0)
     seen = record(scene.cameras[0], scene.origin, clock, noise=DEMO, rng=np.random.default_rng(3))
@@ -340,6 +347,7 @@ def fuzz(folder: Path, minutes: float) -> bool:
 
 
 def read_any(path: Path) -> None:
+    """Reads a file as its name says."""
     if path.suffix in (".csv", ".parquet"):
         read_pose_table(path)
     else:
@@ -347,15 +355,14 @@ def read_any(path: Path) -> None:
 
 
 def main() -> int:
+    """Runs what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1000, help="corruptions of each log (default 1000)")
     parser.add_argument("--fuzz", type=float, default=0.0, metavar="MINUTES", help="instead: fuzz every reader")
     parser.add_argument("--show", action="store_true", help="say where a message was wrong or missed")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        fine = (
-            fuzz(Path(folder), arguments.fuzz) if arguments.fuzz else check_corruptions(Path(folder), arguments.runs)
-        )
+        fine = fuzz(Path(folder), arguments.fuzz) if arguments.fuzz else check_corruptions(Path(folder), arguments.runs)
     print("fine" if fine else "NOT fine")
     return 0 if fine else 1
 

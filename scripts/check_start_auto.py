@@ -97,6 +97,7 @@ def found(folder: Path) -> tuple[float, float] | str:
 
 
 def main() -> int:
+    """Flies, matches, counts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=14.0, help="of video (default 14)")
@@ -123,7 +124,8 @@ def main() -> int:
         print(f"{label:<10}{true_s:>12.3f}{1e3 * error:>10.1f}{1e3 * sigma:>10.1f}", flush=True)
     spread = float(np.sqrt(np.mean(np.square(ratios)))) if ratios else float("nan")
     print(f"\nwithin half a frame ({1e3 * half_s:.0f} ms): {right} of {arguments.flights}; refused: {flagged};"
-          f" wrong and not refused: {wrong}; still ones refused: {refused} of 3; error / sigma RMS {spread:.2f}")  # fmt: skip
+          f" wrong and not refused: {wrong}; still ones refused: {refused} of 3;"
+          f" error / sigma RMS {spread:.2f}")  # fmt: skip
     fine = right >= 0.95 * arguments.flights and not wrong and refused == 3
     print("fine" if fine else "NOT fine")
     return 0 if fine else 1

@@ -184,7 +184,9 @@ def _start(table: Table) -> float | str | None:
                 datetime.fromisoformat(value)
             except ValueError:
                 raise table.refuse(
-                    "start", 'seconds, an ISO-8601 UTC time, "camera-event" or "auto"', 'write start = "2025-06-01T09:30:00Z"'
+                    "start",
+                    'seconds, an ISO-8601 UTC time, "camera-event" or "auto"',
+                    'write start = "2025-06-01T09:30:00Z"',
                 ) from None
         return value
     return table.number("start")

@@ -16,7 +16,8 @@ WIDTH, HEIGHT, EDGE, HEAD = 520, 300, 20, 56
 COLOURS = ("#1b6ca8", "#c2571a", "#3f7d3a")
 ANGLES = ("yaw", "pitch", "roll")
 STYLE = """
-svg { font-family: system-ui, sans-serif; } text { font-size: 11.5px; fill: #555; } .title { font-size: 20px; fill: #111; }
+svg { font-family: system-ui, sans-serif; }
+text { font-size: 11.5px; fill: #555; } .title { font-size: 20px; fill: #111; }
 .head { font-size: 13px; font-weight: 600; fill: #111; } .middle { text-anchor: middle; }
 .ytick { dominant-baseline: central; } .frame { fill: #fff; stroke: #bbb; } .grid { stroke: #e4e4e4; }
 .line { fill: none; stroke: #1b6ca8; stroke-width: 1.6; stroke-linejoin: round; }
@@ -30,25 +31,28 @@ def log_picture(name: str, paths: LogPaths) -> str:
     rows = max(1, -(-len(panels) // 2))
     width, height = 2 * WIDTH + 3 * EDGE, HEAD + rows * (HEIGHT + 2 * EDGE)
     placed = [
-        tag("g", drawn, transform=f"translate({EDGE + (WIDTH + EDGE) * (i % 2)} {HEAD + (HEIGHT + 2 * EDGE) * (i // 2)})")
-        for i, drawn in enumerate(panels)
+        tag("g", drawn, transform=f"translate({EDGE + (WIDTH + EDGE) * column} {HEAD + (HEIGHT + 2 * EDGE) * row})")
+        for (row, column), drawn in zip((divmod(i, 2) for i in range(len(panels))), panels, strict=True)
     ]
     words = "" if panels else "no position and no attitude in this log"
-    return str(
-        tag(
-            "svg",
-            tag("title", f"Flight log {name}"),
-            tag("style", Html(STYLE)),
-            tag("rect", width=width, height=height, fill="#f7f7f5"),
-            tag("text", name, x=EDGE, y=34, class_="title"),
-            tag("text", words, x=EDGE, y=HEAD + 20),
-            *placed,
-            xmlns="http://www.w3.org/2000/svg",
-            viewBox=f"0 0 {width} {height}",
-            width=width,
-            height=height,
+    return (
+        str(
+            tag(
+                "svg",
+                tag("title", f"Flight log {name}"),
+                tag("style", Html(STYLE)),
+                tag("rect", width=width, height=height, fill="#f7f7f5"),
+                tag("text", name, x=EDGE, y=34, class_="title"),
+                tag("text", words, x=EDGE, y=HEAD + 20),
+                *placed,
+                xmlns="http://www.w3.org/2000/svg",
+                viewBox=f"0 0 {width} {height}",
+                width=width,
+                height=height,
+            )
         )
-    ) + "\n"
+        + "\n"
+    )
 
 
 def _map(paths: LogPaths) -> Html | None:

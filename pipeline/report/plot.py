@@ -128,9 +128,9 @@ def drawing(
     y_count: int = 5,
     **place: Any,
 ) -> Html:
-    """The panel as one SVG, `place` being further attributes of it; `label` says in words what it shows. `time` marks the x axis as common time for the page.
+    """The panel as one SVG; `label` says in words what it shows, `place` are further attributes of it.
 
-    `marks` are cut off at the plot area, `over` is not.
+    `time` marks the x axis as common time for the page. `marks` are cut off at the plot area, `over` is not.
     """
     w, h = p.inner
     y_axis = _y_axis(p, p.y.ticks(y_count), True) if y_ticks is None else _y_axis(p, y_ticks, False)

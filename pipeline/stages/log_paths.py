@@ -53,4 +53,3 @@ def _thinned(time_s: Floats, value: Floats) -> tuple[Floats, Floats]:
     kept = np.array(value[keep])
     kept[broken[keep]] = np.nan
     return time_s[keep], kept
-

@@ -32,7 +32,6 @@ from pipeline.telemetry import (
     utc_at,
 )
 
-
 TYPED_START_S = float(np.sqrt(0.5))
 """Two starts that people gave differ from their true difference by a second, one sigma."""
 
@@ -158,8 +157,8 @@ def _start(flight: Flight, camera: CameraSettings, log: FlightLog) -> float:
             where=where,
             seen="missing",
             expected="the log time of the video's frame 0",
-            advice='write start = "auto" to find it by the camera\'s turning, "camera-event" where the log has camera events,'
-            " seconds on the log's clock, or an ISO-8601 UTC time",
+            advice='write start = "auto" to find it by the camera\'s turning, "camera-event" where the log has camera '
+            "events, seconds on the log's clock, or an ISO-8601 UTC time",
         )
     return resolve_start(log, camera.start, where=where)
 

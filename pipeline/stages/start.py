@@ -96,7 +96,7 @@ def log_turning(log: FlightLog, mount: Mount, lever_arm_m: Floats, origin: Geode
     shows as a swing (t_y, -t_x) n_z / d and as a spin (t_x n_y - t_y n_x) / 2 d.
     """
     begin, end = log_span(log)
-    time = begin + GRID_S * np.arange(int((end - begin) / GRID_S) + 1)
+    time = np.asarray(begin + GRID_S * np.arange(int((end - begin) / GRID_S) + 1), float)
     inside = covered(log, time, mount=mount, lever_arm_m=lever_arm_m)
     used = np.flatnonzero(inside) if inside.any() else np.arange(len(time))  # none: let the error say what is missing
     poses = camera_poses(

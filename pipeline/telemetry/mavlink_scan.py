@@ -4,7 +4,8 @@ A packet is FE length seq system component id payload crc (v1), or FD length fla
 payload crc [13 bytes signature] (v2). The checksum is X.25 over everything between the marker and itself, and over
 one byte that depends on the id; 8 bytes of the recorder's clock stand before it in a `.tlog`. A checksum has 16 bits
 and garbage has many markers, so a packet found among garbage must have more for it: a packet after it, a sender
-already known, or a recorder's time close to the last; and one that runs into a good packet is not believed. Numba compiles this file: everything is a bare array.
+already known, or a recorder's time close to the last; and one that runs into a good packet is not believed. Numba
+compiles this file: everything is a bare array.
 """
 
 from __future__ import annotations

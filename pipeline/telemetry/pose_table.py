@@ -1,4 +1,7 @@
-"""Poses made elsewhere: a `.csv` or `.parquet` with `frame` or `time_s`, and east_m, north_m, up_m, qw, qx, qy, qz (enu_from_cam)."""
+"""Poses made elsewhere: a `.csv` or `.parquet` table.
+
+Columns: `frame` or `time_s`, and east_m, north_m, up_m, qw, qx, qy, qz (enu_from_cam).
+"""
 
 from __future__ import annotations
 

@@ -2,12 +2,14 @@
 
     seen_i = a * turned_i(tau) + rho(t_i) * shifted_i(tau) + b + noise
 
-per pair of frames i: `turned` is the log's rotation of the camera between the two moments, moved by tau; `shifted` =
-is what the camera's own movement looks like over ground at distance 1 / rho, with a rho of its own for the spin, which
-the ground's slope in the picture makes; a < 1 allows for noise in the log (regression dilution), b for slow drifts. tau is first searched over the whole log with the partial correlation
-r(tau) of seen and turned, shifted taken out of both, by FFT; then refined with the video's clock rate, which has a
-prior, by Gauss-Newton. Evidence is n / 2 * -log(1 - r^2) with n the number of independent samples (Bartlett, from the
-autocorrelations of both). The sigma comes from the autocovariance of what is left, for log noise has a memory.
+per pair of frames i: `turned` is the log's rotation of the camera between the two moments, moved by tau; `shifted` is
+what the camera's own movement looks like over ground at distance 1 / rho, with a rho of its own for the spin, which the
+ground's slope in the picture makes; a < 1 allows for noise in the log (regression dilution), b for slow drifts.
+
+tau is first searched over the whole log with the partial correlation r(tau) of seen and turned, shifted taken out of
+both, by FFT; then refined with the video's clock rate, which has a prior, by Gauss-Newton. Evidence is
+n / 2 * -log(1 - r^2) with n the number of independent samples (Bartlett, from the autocorrelations of both). The sigma
+comes from the autocovariance of what is left, for log noise has a memory.
 """
 
 from __future__ import annotations
@@ -92,8 +94,8 @@ def match_turns(frame_time_s: Floats, turn_rad: Floats, log: LogTurning) -> Matc
     No candidate where the video has too little to match or is longer than the log.
     """
     seen = _seen_rates(frame_time_s, turn_rad)
-    known = np.isfinite(seen).all(axis=1)
-    have = np.isfinite(log.rate_radps).all(axis=1) & np.isfinite(log.shift_mps).all(axis=1)
+    known = np.asarray(np.isfinite(seen).all(axis=1))
+    have = np.asarray(np.isfinite(log.rate_radps).all(axis=1) & np.isfinite(log.shift_mps).all(axis=1))
     turning = float(np.degrees(np.sqrt(np.nanmean(seen**2) * 3))) if known.any() else 0.0
     nothing = Match(candidates=(), needed=EVIDENCE, turning_deg=turning)
     if known.sum() * GRID_S < 2.0 or have.sum() < LEAST_OVERLAP * known.sum():
@@ -101,7 +103,7 @@ def match_turns(frame_time_s: Floats, turn_rad: Floats, log: LogTurning) -> Matc
     lag, r, independent = _correlation(seen, known, log, have)
     if not len(lag):
         return nothing
-    evidence = np.where(r > 0, -0.5 * independent * np.log1p(-np.minimum(r, 0.9999) ** 2), 0.0)
+    evidence = np.where(r > 0, -0.5 * independent * np.log1p(-(np.minimum(r, 0.9999) ** 2)), 0.0)
     tried = len(lag) * GRID_S / (2 * SMOOTH_S)
     peaks = _peaks(evidence, tried)
     found = [_refined(frame_time_s, turn_rad, log, lag[p] * GRID_S, float(r[p]), float(evidence[p])) for p in peaks]
@@ -115,7 +117,7 @@ def match_turns(frame_time_s: Floats, turn_rad: Floats, log: LogTurning) -> Matc
 def _seen_rates(frame_time_s: Floats, turn_rad: Floats) -> Floats:
     """Turn rates (m, 3) on a grid from frame 0: what cumulated between its points, NaN next to unknown turns."""
     time = frame_time_s - frame_time_s[0]
-    good = np.isfinite(turn_rad).all(axis=1)
+    good = np.asarray(np.isfinite(turn_rad).all(axis=1))
     whole = np.concatenate([np.zeros((1, 3)), np.cumsum(np.where(good[:, None], turn_rad, 0.0), axis=0)])
     grid = np.arange(0.0, time[-1] + 1e-9, GRID_S)
     at = np.stack([np.interp(grid, time, column) for column in whole.T], axis=1)
@@ -136,9 +138,8 @@ def _correlation(seen: Floats, known: Bools, log: LogTurning, have: Bools) -> tu
     mask, there = known.astype(float)[:, None], have.astype(float)[:, None]
     xx, xw, ww = (_cross(a, b, size) for a, b in ((x**2, there), (x, w), (mask, w**2)))
     for axes in ([0, 1], [2]):  # each with a ground distance of its own, so what it explains is taken out of each
-        xu, wu, uu = (
-            _cross(a[:, axes], b[:, axes], size) for a, b in ((x, u), (mask * np.ones(3), w * u), (mask * np.ones(3), u**2))
-        )
+        pairs = ((x, u), (mask * np.ones(3), w * u), (mask * np.ones(3), u**2))
+        xu, wu, uu = (_cross(a[:, axes], b[:, axes], size) for a, b in pairs)
         tiny = 1e-6 * float(np.max(uu)) + 1e-30
         out = np.where(uu > tiny, 1.0 / np.maximum(uu, tiny), 0.0)
         xx, xw, ww = xx - xu**2 * out, xw - xu * wu * out, ww - wu**2 * out
@@ -214,7 +215,7 @@ def _refined(
     """The start near `lag_s` (from the log's begin) by least squares on the pairs of frames themselves."""
     video = frame_time_s - frame_time_s[0]
     turned, shifted = _cumulated(log.rate_radps), _cumulated(log.shift_mps)
-    stamps = np.arange(len(turned)) * GRID_S
+    stamps = np.asarray(np.arange(len(turned)) * GRID_S, float)
     middle = video[-1] / 2
     start, stretch, steps = lag_s, 0.0, []
     for _ in range(8):
@@ -244,7 +245,7 @@ def _cumulated(rate: Floats) -> Floats:
 
 
 def _between(stamps: Floats, whole: Floats, time: Floats) -> Floats:
-    return np.diff(np.stack([np.interp(time, stamps, column) for column in whole.T], axis=1), axis=0)
+    return np.asarray(np.diff(np.stack([np.interp(time, stamps, column) for column in whole.T], axis=1), axis=0))
 
 
 def _alike(stamps: Floats, log: LogTurning, time: Floats) -> Bools:

@@ -54,9 +54,7 @@ class ImageTurning:
         )
 
 
-def image_turning(
-    video: Path, camera: CameraModel, progress: Callable[[int, int], None] | None = None
-) -> ImageTurning:
+def image_turning(video: Path, camera: CameraModel, progress: Callable[[int, int], None] | None = None) -> ImageTurning:
     """The turns of the whole video; memory is constant.
 
     Raises InputFileError where there is no video.
@@ -104,7 +102,7 @@ def _turn(before: Image, grey: Image, corners: Points, camera: CameraModel, widt
     prev, cur = corners[seen], np.asarray(to, np.float32).reshape(-1, 2)[seen]
     factor = width / grey.shape[1]
     flat = [_on_plane(points, factor, camera) for points in (prev, cur)]
-    known: Bools = np.isfinite(flat[0] + flat[1]).all(axis=1)
+    known: Bools = np.asarray(np.isfinite(flat[0] + flat[1]).all(axis=1))
     if known.sum() < FEWEST:
         return unknown, cur
     limit = THRESHOLD_PX * factor / float(camera.K[0, 0])

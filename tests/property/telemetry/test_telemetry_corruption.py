@@ -90,3 +90,24 @@ def test_any_bytes_are_read_or_refused_in_words(tmp_path, noise, name):
     with pytest.raises(InputFileError) as error:
         read_log(path)
     assert name in str(error.value)
+
+
+def test_a_message_that_a_cut_filled_up_exactly_is_not_believed(tmp_path):
+    """The first 13 bytes of an IMU, then a whole message as long as what the IMU lacks."""
+    records = dataflash_records(seconds=3)
+    lengths = {record[2]: len(record) for record in records}
+    path, cut = tmp_path / "a.bin", lengths[133] - lengths[131]
+    at = next(i for i in range(60, len(records)) if records[i][2] == 133 and records[i + 1][2] == 131)
+    path.write_bytes(b"".join([*records[:at], records[at][:cut], *records[at + 1 :]]))
+    ours = read_dataflash(path, wanted=("ATT", "IMU"))
+    assert ours.counts["IMU"] == sum(r[2] == 133 for r in records) - 1
+    assert ours.counts["ATT"] == sum(r[2] == 131 for r in records)
+
+
+def test_a_message_before_a_parted_header_is_kept(tmp_path):
+    records = dataflash_records(seconds=3)
+    path = tmp_path / "a.bin"
+    for inside in (1, 2):
+        broken_one = records[80][:inside] + b"garbage in a header" + records[80][inside:]
+        path.write_bytes(b"".join([*records[:80], broken_one, *records[81:]]))
+        assert sum(read_dataflash(path).counts.values()) == len(records) - 1
