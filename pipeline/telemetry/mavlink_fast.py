@@ -103,7 +103,7 @@ def _scan(
         n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
         order = np.argsort(room[:n, 2], kind="stable")
         ids, first = np.unique(room[order, 2], return_index=True)
-        for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]), strict=True):
+        for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if n else [], strict=True):
             message = names[msgid]
             kept = fields.get(message.msgname, tuple(message.fieldnames))
             parts.setdefault(msgid, []).append(_table(source, message, room[rows], kept))
