@@ -283,7 +283,7 @@ def _step(
 
 
 def _own_slope(seen: Floats, time_s: Floats, middle_s: float) -> Floats:
-    """What a step changes (3 n, 2), by the picture's own slope: noise in the log's would make the match look sharper."""
+    """What a step changes (3 n, 2), by the picture's own slope: noise in the log's makes the match look sharper."""
     dt = float(np.median(np.diff(time_s)))
     slope = np.gradient(gaussian_filter1d(seen, SMOOTH_S / dt, axis=0), dt, axis=0)
     return np.stack([slope.T.ravel(), (slope * (time_s - middle_s)[:, None]).T.ravel()], axis=1)

@@ -88,7 +88,8 @@ def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list[str]]
         ) from None
     topics: dict[str, Topic] = {}
     counts: dict[str, int] = {}
-    for data in sorted(log.data_list, key=lambda d: d.multi_id):
+    whole = (d for d in log.data_list if "timestamp" in d.data)  # a topic without times is a broken one
+    for data in sorted(whole, key=lambda d: d.multi_id):
         counts[data.name] = counts.get(data.name, 0) + len(data.data["timestamp"])
         topics.setdefault(data.name, data.data)
     return topics, counts, len(log.dropouts), said.getvalue().splitlines()
@@ -97,14 +98,20 @@ def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list[str]]
 def _time(topic: Topic) -> Floats:
     """Log time (n,); the moment of the sample where the topic tells it from the moment of publishing."""
     name = "timestamp_sample" if np.any(topic.get("timestamp_sample", 0)) else "timestamp"
-    return np.asarray(topic[name], float) / 1e6
+    return _numbers(topic[name]) / 1e6
+
+
+def _numbers(column: Any) -> Floats:
+    """As float64; a signalling NaN in a broken message is a NaN."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(column, float)
 
 
 def _floats(topic: Topic, *names: str) -> Floats:
     """The first field that is there; NaN where none is."""
     for name in names:
         if name in topic:
-            return np.asarray(topic[name], float)
+            return _numbers(topic[name])
     return np.full(len(topic["timestamp"]), np.nan)
 
 

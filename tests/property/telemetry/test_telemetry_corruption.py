@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputFileError
 from pipeline.telemetry import read_log
-from pipeline.telemetry.dataflash import read_dataflash
+from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.mavlink_plain import read_mavlink_plain
 from tests.unit.telemetry.written_logs import Link, dataflash_records, fly
@@ -111,3 +111,20 @@ def test_a_message_before_a_parted_header_is_kept(tmp_path):
         broken_one = records[80][:inside] + b"garbage in a header" + records[80][inside:]
         path.write_bytes(b"".join([*records[:80], broken_one, *records[81:]]))
         assert sum(read_dataflash(path).counts.values()) == len(records) - 1
+
+
+def test_definitions_that_contradict_themselves_are_left_out(tmp_path):
+    """Found by fuzzing: a nameless field, and a text log that defines a message twice."""
+    records = dataflash_records(seconds=1)
+    nameless = records[2].replace(b"TimeUS,DesRoll,", b"TimeUS,,DesRol,")
+    (tmp_path / "a.bin").write_bytes(b"".join([*records[:2], nameless, *records[3:]]))
+    assert "ATT" not in read_dataflash(tmp_path / "a.bin").counts
+    lines = [
+        "FMT, 131, 30, ATT, Qff, TimeUS,Roll,Pitch",
+        "ATT, 1, 2, 3",
+        "FMT, 131, 30, ATT, Qf, TimeUS,Roll",
+        "ATT, 1, 2",
+    ]
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    found = read_dataflash_text(tmp_path / "a.log")
+    assert (found.counts["ATT"], found.corrupt_packets) == (1, 1)
