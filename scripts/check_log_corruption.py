@@ -306,11 +306,15 @@ def mangled(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(data)
 
 
+class Hang(BaseException):
+    """A read that takes too long; no reader catches it."""
+
+
 def fuzz(folder: Path, minutes: float) -> bool:
     """Every reader on mangled files until the time is over: read, or refused in words, never anything else."""
 
     def too_long(*_: object) -> None:
-        raise TimeoutError(f"more than {HANG_S} s")
+        raise Hang(f"more than {HANG_S} s")
 
     signal.signal(signal.SIGALRM, too_long)
     whole, tally, rng = seeds(), Counter(), np.random.default_rng(int(minutes * 60))
@@ -331,7 +335,7 @@ def fuzz(folder: Path, minutes: float) -> bool:
             tally[name, "read"] += 1
         except InputFileError:
             tally[name, "refused"] += 1
-        except Exception as error:
+        except (Exception, Hang) as error:
             tally[name, "CRASH"] += 1
             kept = Path(tempfile.gettempdir()) / f"fuzz-{sum(tally.values())}-{name}"
             kept.write_bytes(content)

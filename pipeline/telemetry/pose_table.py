@@ -6,6 +6,7 @@ Columns: `frame` or `time_s`, and east_m, north_m, up_m, qw, qx, qy, qz (enu_fro
 from __future__ import annotations
 
 import io
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,8 +97,16 @@ def is_pose_table(path: Path) -> bool:
 
 def _csv(path: Path, raw: bytes) -> pd.DataFrame:
     try:
-        table = pd.read_csv(io.BytesIO(raw), comment="#", skipinitialspace=True, dtype=str, skip_blank_lines=False)
-    except (ValueError, pd.errors.ParserError) as error:  # empty tables and wrong encodings are ValueErrors
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            table = pd.read_csv(
+                io.BytesIO(raw), comment="#", skipinitialspace=True, dtype=str, skip_blank_lines=False, index_col=False
+            )
+    except (
+        ValueError,
+        pd.errors.ParserError,
+        pd.errors.ParserWarning,
+    ) as error:  # empty tables and wrong encodings are ValueErrors
         raise _wrong(path, f"not a table ({str(error).strip()})", "comma-separated columns under a header") from None
     return table.rename(columns=str.strip).dropna(how="all")
 

@@ -101,3 +101,10 @@ def test_a_broken_parquet_table_is_refused_in_words(tmp_path):
     (tmp_path / "poses.parquet").write_bytes(b"PAR1 and nothing more")
     with pytest.raises(InputFileError, match="cannot be read as parquet"):
         read_pose_table(tmp_path / "poses.parquet")
+
+
+def test_rows_longer_than_the_header_are_refused(tmp_path):
+    """Found by fuzzing: pandas would take the first columns as an index and shift the others."""
+    for more in (",9", ",9,9"):
+        with pytest.raises(InputFileError, match="not a table"):
+            table(tmp_path, *(row + more for row in GOOD))
