@@ -12,7 +12,9 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 INTERRUPTED = 130
-OWN_MODULES = {name: name for name in ("board", "boresight", "calibrate", "detect", "label", "demo", "experiment")}
+OWN_MODULES = {
+    name: name for name in ("board", "boresight", "calibrate", "detect", "inspect", "label", "demo", "experiment")
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,7 +39,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.cli.console import Console
 
     console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json)
-    module = OWN_MODULES.get(arguments.command, "flights")
+    module = arguments.command if arguments.command in OWN_MODULES else "flights"
     try:
         action = importlib.import_module(f"pipeline.cli.{module}")
         code: int = action.run(arguments, console)

@@ -31,6 +31,7 @@ def build_parser() -> argparse.ArgumentParser:
     ):
         _flight_command(commands, name, what)
     _boresight(commands)
+    _inspect(commands)
     _demo(commands)
     _experiment(commands)
     return parser
@@ -156,6 +157,18 @@ def _flight_command(commands: Commands, name: str, what: str) -> None:
     if name in ("solve", "run"):
         methods = ("triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map")
         parser.add_argument("--method", choices=methods, help="instead of [solve] method in the flight file")
+
+
+def _inspect(commands: Commands) -> None:
+    parser = _command(
+        commands,
+        "inspect",
+        "what is in a flight log, and what it lacks for camera poses",
+        "runningfix inspect uav1.tlog -o uav1.svg",
+    )
+    parser.add_argument("log", type=Path, metavar="LOG", help=".tlog .mavlink .bin .log .ulg .srt")
+    parser.add_argument("--system", type=int, metavar="ID", help="of several vehicles on one MAVLink link, this one")
+    parser.add_argument("-o", "--output", type=Path, metavar="picture.svg", help="draw the flight into this file")
 
 
 def _demo(commands: Commands) -> None:

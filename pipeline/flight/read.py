@@ -179,12 +179,14 @@ def _start(table: Table) -> float | str | None:
     if isinstance(value, datetime):
         return value.isoformat()
     if isinstance(value, str):
-        if value != "camera-event":
+        if value not in ("camera-event", "auto"):
             try:
                 datetime.fromisoformat(value)
             except ValueError:
                 raise table.refuse(
-                    "start", 'seconds, an ISO-8601 UTC time or "camera-event"', 'write start = "2025-06-01T09:30:00Z"'
+                    "start",
+                    'seconds, an ISO-8601 UTC time, "camera-event" or "auto"',
+                    'write start = "2025-06-01T09:30:00Z"',
                 ) from None
         return value
     return table.number("start")

@@ -5,7 +5,7 @@ values are NaN, never zero. Nothing here reads a file, prints or computes more t
 """
 
 from pipeline.records.motion import Motion, Trajectory
-from pipeline.records.poses import InstrumentSigma, PoseTrack
+from pipeline.records.poses import InstrumentSigma, LogPaths, PoseTrack
 from pipeline.records.problem import CameraInput, Problem, SolverSettings, TargetInput
 from pipeline.records.rays import SightRays
 from pipeline.records.results import Comparison, Results
@@ -36,6 +36,7 @@ __all__ = [
     "Finding",
     "ImageTrack",
     "InstrumentSigma",
+    "LogPaths",
     "Motion",
     "OffsetCandidate",
     "PoseTrack",

@@ -39,6 +39,33 @@ class PoseTrack:
         )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogPaths:
+    """What a flight log says, as curves; NaN breaks one.
+
+    place_s, east_north_height_m      (n,), (n, 3) metres from the first position, height as the log's datum has it
+    body_s, body_ypr_rad              (m,), (m, 3) yaw, pitch, roll of the vehicle
+    gimbal_s, gimbal_ypr_rad          (k,), (k, 3) of the gimbal, in whatever frame its messages use
+    event_s                           (e,) camera events
+    """
+
+    place_s: Floats
+    east_north_height_m: Floats
+    body_s: Floats
+    body_ypr_rad: Floats
+    gimbal_s: Floats
+    gimbal_ypr_rad: Floats
+    event_s: Floats
+
+    def __post_init__(self) -> None:
+        for time, value in (
+            ("place_s", "east_north_height_m"), ("body_s", "body_ypr_rad"), ("gimbal_s", "gimbal_ypr_rad")
+        ):  # fmt: skip
+            stamp = frozen(getattr(self, time), (None,), time)
+            settle(self, **{time: stamp, value: frozen(getattr(self, value), (len(stamp), 3), value)})
+        settle(self, event_s=frozen(self.event_s, (None,), "event_s"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class InstrumentSigma:
     """What a camera's instruments are worth: one sigma per axis, zero holds the value.

@@ -3,6 +3,7 @@
 Every figure is a pure function from records to markup; `page` puts them in order.
 """
 
+from pipeline.report.log_view import log_picture
 from pipeline.report.page import render_report
 
-__all__ = ["render_report"]
+__all__ = ["log_picture", "render_report"]

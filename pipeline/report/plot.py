@@ -107,15 +107,30 @@ def chart(
     x_label: str = "",
     y_label: str = "",
     title: str = "",
+    **more: Any,
+) -> Html:
+    """The panel with its heading, as the page shows it; `more` is that of `drawing`."""
+    head = tag("h4", title) if title else Html("")
+    return tag("div", head, drawing(p, marks, label=label, x_label=x_label, y_label=y_label, **more), class_="panel")
+
+
+def drawing(
+    p: Panel,
+    marks: Sequence[Html],
+    *,
+    label: str,
+    x_label: str = "",
+    y_label: str = "",
     time: bool = False,
     over: Sequence[Html] = (),
     y_ticks: Sequence[tuple[float, str]] | None = None,
     x_count: int = 5,
     y_count: int = 5,
+    **place: Any,
 ) -> Html:
-    """The panel as one SVG; `label` says in words what it shows. `time` marks the x axis as common time for the page.
+    """The panel as one SVG; `label` says in words what it shows, `place` are further attributes of it.
 
-    `marks` are cut off at the plot area, `over` is not.
+    `time` marks the x axis as common time for the page. `marks` are cut off at the plot area, `over` is not.
     """
     w, h = p.inner
     y_axis = _y_axis(p, p.y.ticks(y_count), True) if y_ticks is None else _y_axis(p, y_ticks, False)
@@ -130,11 +145,10 @@ def chart(
     if time:
         moment = {"data_t0": f"{p.x.low:.6g}", "data_t1": f"{p.x.high:.6g}", "data_x0": p.left, "data_x1": p.left + w}
         body = joined(body, tag("line", class_="moment", y1=p.top, y2=p.top + h, x1=-9, x2=-9))
-    svg = tag(
-        "svg", tag("title", label), body, viewBox=f"0 0 {p.width} {p.height}", role="img", class_="chart", **moment
-    )
-    head = tag("h4", title) if title else Html("")
-    return tag("div", head, svg, class_="panel")
+    return tag(
+        "svg", tag("title", label), body, viewBox=f"0 0 {p.width} {p.height}", role="img", class_="chart",
+        **moment, **place,
+    )  # fmt: skip
 
 
 def _x_axis(p: Panel, count: int) -> list[Html]:

@@ -3,6 +3,7 @@
 Each stage is a function of the flight and of what came before; `run` chains them and resumes where it was stopped.
 """
 
+from pipeline.stages.log_paths import log_paths
 from pipeline.stages.measured import MeasuredPoses
 from pipeline.stages.poses import measure_poses
 from pipeline.stages.problem import build_problem, read_models, sight_rays
@@ -16,6 +17,7 @@ __all__ = [
     "RunSummary",
     "build_problem",
     "gather_results",
+    "log_paths",
     "measure_poses",
     "open_sources",
     "read_models",

@@ -21,7 +21,7 @@ class MeasuredPoses:
     """One camera's measured poses and what the instruments say of them.
 
     frame_rate  nominal, Hz
-    utc_s       UTC of frame 0 where it is known
+    utc_s       UTC of frame 0 where it is known, and utc_sigma_s how well
     poses_at    poses at frames' log times moved by (n,) seconds, where they came from a log
     notes       what a reader should know
     """
@@ -32,6 +32,7 @@ class MeasuredPoses:
     sigma: InstrumentSigma
     still: bool
     utc_s: float | None = None
+    utc_sigma_s: float | None = None
     poses_at: Callable[[PoseTrack], PoseAt] | None = None
     notes: tuple[str, ...] = ()
 
@@ -54,10 +55,10 @@ def utc_of_start(flight: Flight, camera: CameraSettings) -> float | None:
     """UTC of frame 0 where the flight file itself says it."""
     if not isinstance(camera.start, str):
         return None
-    if camera.start == "camera-event":
+    if camera.start in ("camera-event", "auto"):
         raise UsageError(
             where=flight.key(camera.name, "start"),
-            seen='"camera-event" without a log',
+            seen=f'"{camera.start}" without a log',
             expected="a UTC time for a camera that has no log",
             advice='write start = "2025-06-01T09:30:00Z", or leave it out',
         )

@@ -5,6 +5,8 @@ Log time of frame f is `start` + its video time.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from calibration.arrays import Floats, Ints
@@ -14,7 +16,9 @@ from pipeline.geometry import rotation
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
 from pipeline.stages.frames import VideoClock, frame_rate, video_clock
 from pipeline.stages.measured import MeasuredPoses, sigma_in_force, utc_of_start, wanted_frames
+from pipeline.stages.progress import Progress, silent
 from pipeline.stages.sources import Sources
+from pipeline.stages.start import AUTO, FoundStart, auto_start
 from pipeline.telemetry import (
     FlightLog,
     Mount,
@@ -28,20 +32,27 @@ from pipeline.telemetry import (
     utc_at,
 )
 
+TYPED_START_S = float(np.sqrt(0.5))
+"""Two starts that people gave differ from their true difference by a second, one sigma."""
 
-def measure_poses(flight: Flight, sources: Sources, tracks: tuple[ImageTrack, ...] = ()) -> tuple[MeasuredPoses, ...]:
+
+def measure_poses(
+    flight: Flight, sources: Sources, tracks: tuple[ImageTrack, ...] = (), progress: Progress = silent
+) -> tuple[MeasuredPoses, ...]:
     """The measured poses of every camera, at every frame of its video, else of its detections, else of its log."""
-    return tuple(_measure(flight, camera, sources, tracks) for camera in flight.cameras)
+    return tuple(_measure(flight, camera, sources, tracks, progress) for camera in flight.cameras)
 
 
-def _measure(flight: Flight, camera: CameraSettings, sources: Sources, tracks: tuple[ImageTrack, ...]) -> MeasuredPoses:
+def _measure(
+    flight: Flight, camera: CameraSettings, sources: Sources, tracks: tuple[ImageTrack, ...], progress: Progress
+) -> MeasuredPoses:
     clock = video_clock(camera)
     rate = frame_rate(flight, camera, clock)
     if camera.pose is not None:
         frame, time = wanted_frames(camera, clock, rate, tracks)
         return _still(flight, camera, frame, time, rate)
     if camera.name in sources.logs:
-        return _from_log(flight, camera, sources, clock, rate, tracks)
+        return _from_log(flight, camera, sources, clock, rate, tracks, progress)
     if camera.name in sources.tables:
         return _from_table(flight, camera, sources.tables[camera.name], clock, rate, tracks)
     raise UsageError(
@@ -77,17 +88,22 @@ def _from_log(
     clock: VideoClock | None,
     rate: float,
     tracks: tuple[ImageTrack, ...],
+    progress: Progress,
 ) -> MeasuredPoses:
     log, where = sources.logs[camera.name], flight.key(camera.name, "telemetry")
     mount, lever, origin = _mount(camera.mount), np.array(camera.lever_arm_m), sources.origin
     assert origin is not None
     notes = log.notes
+    found: FoundStart | None = None
+    if camera.start == AUTO:
+        found = auto_start(flight, camera, log, clock=clock, mount=mount, origin=origin, progress=progress)
+        notes = (*notes, *found.notes)
     if camera.tracks is None and camera.video is None:
         start, frame, left_out = _whole_log(flight, camera, log, rate)
         time = frame / rate
         notes = (*notes, *left_out)
     else:
-        start = _start(flight, camera, log)
+        start = _start(flight, camera, log) if found is None else found.start_s
         frame, time = wanted_frames(camera, clock, rate, tracks)
 
     def at(frames: Ints, log_time_s: Floats) -> PoseTrack:
@@ -103,13 +119,17 @@ def _from_log(
         )
 
     utc = utc_at(log, start)
+    sigma = sigma_in_force(camera, log_sigma(log), knows_utc=utc is not None)
+    if found is not None and found.sigma_s is not None and "start_s" not in camera.sigma:
+        sigma = replace(sigma, start_s=found.sigma_s)
     return MeasuredPoses(
         camera=camera.name,
         poses=at(frame, start + time),
         frame_rate=rate,
-        sigma=sigma_in_force(camera, log_sigma(log), knows_utc=utc is not None),
+        sigma=sigma,
         still=False,
         utc_s=utc,
+        utc_sigma_s=None if log.utc is None else _utc_sigma_s(log.utc.sigma_s, found),
         poses_at=lambda base: lambda shift_s: at(base.frame, base.time_s + shift_s),
         notes=notes,
     )
@@ -137,8 +157,8 @@ def _start(flight: Flight, camera: CameraSettings, log: FlightLog) -> float:
             where=where,
             seen="missing",
             expected="the log time of the video's frame 0",
-            advice='write start = "camera-event" where the log has camera events, seconds on the log\'s clock, or an '
-            "ISO-8601 UTC time",
+            advice='write start = "auto" to find it by the camera\'s turning, "camera-event" where the log has camera '
+            "events, seconds on the log's clock, or an ISO-8601 UTC time",
         )
     return resolve_start(log, camera.start, where=where)
 
@@ -178,6 +198,13 @@ def _from_table(
         utc_s=utc,
         poses_at=poses_at,
     )
+
+
+def _utc_sigma_s(log_sigma_s: float, found: FoundStart | None) -> float:
+    """What UTC of frame 0 is worth: as the log and the match say, or a second where a person said when frame 0 was."""
+    if found is None or found.sigma_s is None:
+        return float(np.hypot(log_sigma_s, TYPED_START_S))
+    return float(np.hypot(log_sigma_s, found.sigma_s))
 
 
 def _mount(mount: MountSettings) -> Mount:

@@ -12,7 +12,7 @@ from calibration.arrays import Ints
 from calibration.camera import CameraModel, pixel_from_ray, unproject
 from calibration.camera_files import read_camera
 from pipeline.errors import GeometryError, InputFileError, UsageError
-from pipeline.flight import Flight
+from pipeline.flight import CameraSettings, Flight
 from pipeline.records import CameraInput, ImageTrack, InstrumentSigma, PoseTrack, Problem, SightRays, TargetInput
 from pipeline.stages.measured import MeasuredPoses
 from pipeline.stages.tracks import place_sigma_px
@@ -149,21 +149,29 @@ def _check_inside(flight: Flight, model: CameraModel, tracks: Sequence[ImageTrac
 def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]) -> CameraInput:
     settings = flight.camera(pose.camera)
     base = _poses_of(flight, pose, np.unique(rays.frame))
-    offset = settings.offset_s
+    offset, sigma = settings.offset_s, pose.sigma
     reference = next(m for m in measured if m.camera == flight.reference_camera)
     if offset is None and pose.utc_s is not None and reference.utc_s is not None:
         offset = pose.utc_s - reference.utc_s
+        sigma = _offset_sigma(settings, pose, reference)
     return CameraInput(
         camera=pose.camera,
         rays=rays,
         poses=base,
         frame_rate=pose.frame_rate,
         offset_s=0.0 if pose.camera == flight.reference_camera else offset,
-        sigma=pose.sigma,
+        sigma=sigma,
         clock=settings.clock,
         still=pose.still,
         poses_at=None if pose.poses_at is None else pose.poses_at(base),
     )
+
+
+def _offset_sigma(settings: CameraSettings, pose: MeasuredPoses, reference: MeasuredPoses) -> InstrumentSigma:
+    """The prior of an offset that two UTC times give: what both are worth, where the flight file does not say it."""
+    if "offset_s" in settings.sigma or pose.utc_sigma_s is None or reference.utc_sigma_s is None:
+        return pose.sigma
+    return replace(pose.sigma, offset_s=float(np.hypot(pose.utc_sigma_s, reference.utc_sigma_s)))
 
 
 def _poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:

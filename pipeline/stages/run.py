@@ -189,7 +189,7 @@ def run_poses(
         key = key_of({"stage": "poses", "inputs": _hashes(flight), "versions": versions()})
         skipped = resume and ledger.finished("poses", key)
         if not skipped:
-            measured = _measured(flight, opener or _opener(flight, progress))[1]
+            measured = _measured(flight, opener or _opener(flight, progress), progress)[1]
             notes = tuple(f"{m.camera}: {note}" for m in measured for note in m.notes)
             ledger.record("poses", key, {"poses.csv": poses_csv([m.poses for m in measured])})
     return RunSummary(
@@ -202,13 +202,13 @@ def _opener(flight: Flight, progress: Progress) -> Opener:
     return cache(lambda: open_sources(flight, lambda name, share: progress(f"log {name}", int(100 * share), 100)))
 
 
-def _measured(flight: Flight, opener: Opener) -> tuple[Sources, tuple[MeasuredPoses, ...]]:
+def _measured(flight: Flight, opener: Opener, progress: Progress) -> tuple[Sources, tuple[MeasuredPoses, ...]]:
     own: list[ImageTrack] = []
     for camera in flight.cameras:
         if camera.tracks is not None:
             own += detections(flight, camera)
     sources = opener()
-    return sources, measure_poses(flight, sources, tuple(own))
+    return sources, measure_poses(flight, sources, tuple(own), progress)
 
 
 # --- solve ---------------------------------------------------------------------------------------------------------
@@ -237,7 +237,7 @@ def run_solve(
     if resume and ledger.finished("solve", key):
         return RunSummary(files=solve_files(out), seconds=clock.seconds, skipped=("solve",))
     with clock.stage("poses"):
-        opened, measured = _measured(flight, opener or _opener(flight, progress))
+        opened, measured = _measured(flight, opener or _opener(flight, progress), progress)
     with clock.stage("solve"):
         built = build_problem(flight, tracks, measured, models)
         progress("solve", 0, 1)

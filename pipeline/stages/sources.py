@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.flight import Flight
 from pipeline.geometry.geodesy import Geodetic
-from pipeline.telemetry import FlightLog, PoseTable, first_position, read_log, read_pose_table
+from pipeline.telemetry import FlightLog, PoseTable, first_position, is_pose_table, read_log, read_pose_table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,7 +28,7 @@ def open_sources(flight: Flight, progress: Callable[[str, float], None] | None =
         if path is not None and path not in by_path:
             name = camera.name
             tell = None if progress is None else (lambda share, name=name: progress(name, share))
-            by_path[path] = read_pose_table(path) if path.suffix == ".csv" else read_log(path, progress=tell)
+            by_path[path] = read_pose_table(path) if is_pose_table(path) else read_log(path, progress=tell)
     found = {c.name: by_path[c.telemetry] for c in flight.cameras if c.telemetry is not None}
     logs = {name: source for name, source in found.items() if isinstance(source, FlightLog)}
     tables = {name: source for name, source in found.items() if isinstance(source, PoseTable)}

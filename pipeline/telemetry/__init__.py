@@ -12,17 +12,22 @@ from pipeline.telemetry.flight_log import (
 from pipeline.telemetry.inspection import Inspection, inspect_log
 from pipeline.telemetry.log_sigma import log_sigma
 from pipeline.telemetry.log_time import first_position, log_span, resolve_start, utc_at
-from pipeline.telemetry.pose_table import PoseTable, read_pose_table, table_poses
+from pipeline.telemetry.pose_table import PoseTable, is_pose_table, read_pose_table, table_poses
 from pipeline.telemetry.read import read_log
+from pipeline.telemetry.turn_match import GRID_S, Candidate, LogTurning, Match, match_turns
 
 __all__ = [
+    "GRID_S",
     "MAX_GAP_S",
     "Accuracy",
     "AttitudeSeries",
+    "Candidate",
     "ClockFit",
     "FlightLog",
     "GimbalSeries",
     "Inspection",
+    "LogTurning",
+    "Match",
     "Mount",
     "PoseTable",
     "PositionSeries",
@@ -30,8 +35,10 @@ __all__ = [
     "covered",
     "first_position",
     "inspect_log",
+    "is_pose_table",
     "log_sigma",
     "log_span",
+    "match_turns",
     "read_log",
     "read_pose_table",
     "resolve_start",

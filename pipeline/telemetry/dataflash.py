@@ -111,7 +111,8 @@ def _layout(message: bytes) -> Layout | None:
             part.rstrip(b"\0").decode("ascii") for part in (message[5:9], message[9:25], message[25:89])
         )
         layout = Layout(kind=kind, name=name, length=length, letters=letters, fields=tuple(fields.split(",")))
-        return layout if name.isalnum() and layout.dtype.itemsize == length else None
+        named = name.isalnum() and all(layout.fields)
+        return layout if named and layout.dtype.itemsize == length else None
     except (UnicodeDecodeError, KeyError, ValueError):
         return None
 
@@ -169,7 +170,7 @@ def read_dataflash_text(path: Path, *, wanted: tuple[str, ...] = WANTED, progres
     for place, line in enumerate(lines):
         name, *values = (part.strip() for part in line.split(","))
         if name == "FMT" and len(values) >= 5 and values[0].isdigit():
-            layouts[values[2]] = _text_layout(values)
+            layouts.setdefault(values[2], _text_layout(values))
         elif name in layouts and len(values) == len(layouts[name].fields):
             counts[name] += 1
             if name in wanted:

@@ -1,10 +1,11 @@
 """Where the messages of a DataFlash log are.
 
 A message is A3 95 kind payload; its length follows from its kind. There is no checksum, so a message is believed
-where another message follows it, or one whose header has a single wrong bit, or nothing more. Where garbage follows,
-bytes were more likely lost or added inside of the message than exactly behind it, and it is not believed. Reading
-starts again where two messages follow each other, or where one carries a time within TIME_SPAN_US of the last. Numba
-compiles this file: everything is a bare array.
+where another message follows it, or one whose header has a single wrong bit or garbage in it, or nothing more. Where
+other garbage follows, bytes were more likely lost or added inside of the message than exactly behind it, and it is not
+believed. Nor is one whose last bytes are another message, whole: it was cut off, and what came next happened to fill it
+up. Reading starts again where two messages follow each other, or where one carries a time within TIME_SPAN_US of the
+last. Numba compiles this file: everything is a bare array.
 """
 
 from __future__ import annotations
@@ -72,6 +73,32 @@ def broken_header(data: Any, at: int, span: int, length: Any) -> bool:
 
 
 @loop
+def parted_header(data: Any, at: int, resume: int, length: Any) -> bool:
+    """Whether garbage stands inside the header of a message at `at` whose end is at `resume`, where the next begins."""
+    if data[at] != HEAD_1:
+        return False
+    for k in range(256):
+        if length[k] > 3 and resume - length[k] > at:
+            kind = resume - length[k] + 2
+            if data[kind] == k and (data[at + 1] == HEAD_2 or data[kind - 1] == HEAD_2):
+                return True
+    return False
+
+
+@loop
+def filled_up(data: Any, at: int, end: int, size: int, length: Any) -> int:
+    """Where in the message from `at` to `end` another begins that ends with it; 0 where none does."""
+    heads = 0
+    for i in range(at + 3, end - 3):  # all of it, for a loop that may stop early is not vectorised
+        heads |= (data[i] == HEAD_1) & (data[i + 1] == HEAD_2)
+    if heads:
+        for i in range(at + 3, end - 3):
+            if known_at(data, size, i, length) and i + length[data[i + 2]] == end:
+                return i
+    return 0
+
+
+@loop
 def scan_messages(
     data: Any, size: int, length: Any, time_bytes: Any, wanted: Any, counts: Any, start: Any, kinds: Any, state: Any
 ) -> int:
@@ -91,11 +118,18 @@ def scan_messages(
         kind = data[at + 2]
         following = at + length[kind] if known else at + 1
         known_next = following < size and known_at(data, size, following, length)
-        if known and not known_next and following < size:  # what follows is no message: is this one?
+        inside = filled_up(data, at, following, size, length) if known and known_next else 0
+        if inside:
+            known, following, known_next = False, inside, True
+        elif known and not known_next and following < size:  # what follows is no message: is this one?
             last_us = time_us(data, timed, time_bytes) if timed >= 0 else -1
             resume = next_message(data, size, at + 3, length, time_bytes, last_us)
             known = resume == size or (
-                resume >= following + 3 and broken_header(data, following, resume - following, length)
+                resume >= following + 3
+                and (
+                    broken_header(data, following, resume - following, length)
+                    or parted_header(data, following, resume, length)
+                )
             )
             following = following if known else resume
             known_next = not known and resume < size

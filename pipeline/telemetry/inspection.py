@@ -125,7 +125,7 @@ def _more(log: FlightLog) -> list[str]:
         moment = datetime.fromtimestamp(log.utc.other_s(0.0), UTC).isoformat(timespec="milliseconds")
         lines.append(f"UTC at log time 0: {moment} within {log.utc.sigma_s:.2f} s (one sigma), by {log.utc.source}")
     else:
-        lines.append("UTC is not known: `start` must be log time")
+        lines.append('UTC is not known: `start` must be log time, "camera-event" or "auto"')
     if len(log.camera_event_s):
         lines.append(
             f"{len(log.camera_event_s)} camera events by {log.camera_event_source},"

@@ -5,11 +5,14 @@ Layouts come from pymavlink's own message definitions, so the values are bit for
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega
 
 from calibration.arrays import Floats, Ints
@@ -26,7 +29,7 @@ from pipeline.telemetry.mavlink_scan import (
     gather_payloads,
     scan_packets,
 )
-from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
+from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog, joined
 
 TYPES = {
     "char": "S1", "uint8_t": "u1", "int8_t": "i1", "uint16_t": "<u2", "int16_t": "<i2", "uint32_t": "<u4",
@@ -35,22 +38,26 @@ TYPES = {
 CHUNK = 1 << 18
 
 
-def read_mavlink_fast(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Progress = None) -> RawLog:
+def read_mavlink_fast(
+    path: Path,
+    *,
+    wanted: tuple[str, ...] = WANTED,
+    fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+    progress: Progress = None,
+) -> RawLog:
     """Every message of the `wanted` names in a `.tlog` or raw MAVLink file.
 
-    Raises InputFileError where the file is missing or cannot be read.
+    `fields` says which columns of a message are kept, where not all of them; memory grows with what is kept, not with
+    the file. Raises InputFileError where the file is missing or cannot be read.
     """
     data = mapped(path, expected="a MAVLink log")
     stamped = has_stamps(data, path)
-    rows, counts, state = _scan(data, stamped, wanted, progress)
+    parts, counts, state = _scan(data, stamped, wanted, fields, progress)
     kind: LogFormat = "tlog" if stamped else "mavlink"
     names = ardupilotmega.mavlink_map
-    order = np.argsort(rows[:, 2], kind="stable")
-    ids, many = np.unique(rows[:, 2], return_counts=True)
-    ends = np.cumsum(many)
     tables = {}
-    for msgid, end, n in zip(ids.tolist(), ends.tolist(), many.tolist(), strict=True):
-        tables[names[msgid].msgname] = _table(data, names[msgid], rows[order[end - n : end]])
+    for msgid in sorted(parts):
+        tables[names[msgid].msgname] = joined(parts.pop(msgid))
     return RawLog(
         path=path,
         format=kind,
@@ -80,36 +87,44 @@ def _extra() -> Ints:
     return extra
 
 
-def _scan(data: Bytes, stamped: bool, wanted: tuple[str, ...], progress: Progress) -> tuple[Ints, Ints, Ints]:
-    """Rows of `scan_packets`, counts by id, and its final state."""
+def _scan(
+    data: Bytes, stamped: bool, wanted: tuple[str, ...], fields: Mapping[str, tuple[str, ...]], progress: Progress
+) -> tuple[dict[int, list[MessageTable]], Ints, Ints]:
+    """Pieces of each wanted id's table, counts by id, and the final state of `scan_packets`."""
+    names = ardupilotmega.mavlink_map
     listed = np.zeros(IDS, dtype=np.bool_)
-    listed[[msgid for msgid, message in ardupilotmega.mavlink_map.items() if message.msgname in wanted]] = True
+    listed[[msgid for msgid, message in names.items() if message.msgname in wanted]] = True
     counts, known = np.zeros(IDS, dtype=np.int64), np.zeros(IDS, dtype=np.bool_)
     state = np.array([0, 0, -1, 0, 0], dtype=np.int64)
     source = np.frombuffer(data, np.uint8)
-    room, parts = np.empty((CHUNK, 5), dtype=np.int64), []
+    room = np.empty((CHUNK, 5), dtype=np.int64)
+    parts: dict[int, list[MessageTable]] = {}
     while state[AT] < len(data):
         n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
-        parts.append(room[:n].copy())
+        order = np.argsort(room[:n, 2], kind="stable")
+        ids, first = np.unique(room[order, 2], return_index=True)
+        for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if n else [], strict=True):
+            message = names[msgid]
+            kept = fields.get(message.msgname, tuple(message.fieldnames))
+            parts.setdefault(msgid, []).append(_table(source, message, room[rows], kept))
         if progress is not None:
             progress(float(state[AT]) / len(data))
-    return np.concatenate(parts), counts, state
+    return parts, counts, state
 
 
-def _table(data: Bytes, message: Any, rows: Ints) -> MessageTable:
+def _table(source: npt.NDArray[np.uint8], message: Any, rows: Ints, kept: tuple[str, ...]) -> MessageTable:
     form = layout(message)
     payload = np.empty((len(rows), form.itemsize), dtype=np.uint8)
-    source = np.frombuffer(data, np.uint8)
     gather_payloads(source, rows, payload)
     values = payload.view(form)[:, 0]
     sender = rows[:, 0] + np.where(source[rows[:, 0]] == V1, 3, 5)
     return MessageTable(
         name=message.msgname,
-        place=rows[:, 4],
+        place=rows[:, 4].copy(),
         record_time_s=_record_time(rows[:, 3]),
-        system=source[sender].astype(np.int64),
-        component=source[sender + 1].astype(np.int64),
-        columns={name: _owned(values[name]) for name in message.fieldnames},
+        system=source[sender],
+        component=source[sender + 1],
+        columns={name: _owned(values[name]) for name in kept},
     )
 
 

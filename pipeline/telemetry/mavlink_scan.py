@@ -4,7 +4,8 @@ A packet is FE length seq system component id payload crc (v1), or FD length fla
 payload crc [13 bytes signature] (v2). The checksum is X.25 over everything between the marker and itself, and over
 one byte that depends on the id; 8 bytes of the recorder's clock stand before it in a `.tlog`. A checksum has 16 bits
 and garbage has many markers, so a packet found among garbage must have more for it: a packet after it, a sender
-already known, or a recorder's time close to the last. Numba compiles this file: everything is a bare array.
+already known, or a recorder's time close to the last; and one that runs into a good packet is not believed. Numba
+compiles this file: everything is a bare array.
 """
 
 from __future__ import annotations
@@ -104,6 +105,23 @@ def next_packet(data: Any, size: int, at: int, stamped: int, extra: Any, table: 
 
 
 @loop
+def swallows(data: Any, size: int, at: int, total: int, stamped: int, extra: Any, table: Any, known: Any) -> bool:
+    """Whether the packet at `at`, behind which none follows, was cut off and runs into a good packet of a known sender.
+
+    One cut in 65536 has a checksum that fits by chance.
+    """
+    following = at + total + 8 * stamped
+    if following >= size or packet_bytes(data, size, following) > 0:
+        return False
+    for inner in range(at + 8, at + total):
+        inside = packet_bytes(data, size, inner)
+        if inside > 0 and inner + inside > at + total and known[sender(data, inner)]:  # noqa: SIM102
+            if checked(data, inner, inside, extra, table) == GOOD:
+                return True
+    return False
+
+
+@loop
 def walked(data: Any, size: int, at: int, stop: int, stamped: int) -> int:
     """How many packets, whole but wrong, stand between `at` and `stop`; bytes that are no packet count as one."""
     count = 0
@@ -140,8 +158,11 @@ def scan_packets(
             following = marker + total + 8 * stamped
             if following < size + 8 * stamped and packet_bytes(data, size, following) == 0:
                 verdict = BAD
+        begin = at
+        if verdict == GOOD and swallows(data, size, marker, total, stamped, extra, table, known):
+            verdict, begin = BAD, marker + 1
         if verdict == BAD:
-            resume = next_packet(data, size, at, stamped, extra, table, known, last_us)
+            resume = next_packet(data, size, begin, stamped, extra, table, known, last_us)
             corrupt += walked(data, size, marker, resume if resume < size else size + 8 * stamped, stamped)
             if resume == size:
                 at = size

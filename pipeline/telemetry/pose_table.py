@@ -1,8 +1,12 @@
-"""Poses made elsewhere: a `.csv` with `frame` or `time_s`, and east_m, north_m, up_m, qw, qx, qy, qz (enu_from_cam)."""
+"""Poses made elsewhere: a `.csv` or `.parquet` table.
+
+Columns: `frame` or `time_s`, and east_m, north_m, up_m, qw, qx, qy, qz (enu_from_cam).
+"""
 
 from __future__ import annotations
 
 import io
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +22,7 @@ from pipeline.telemetry.camera_pose import MAX_GAP_S, spans
 
 PLACE = ["east_m", "north_m", "up_m"]
 TURN = ["qw", "qx", "qy", "qz"]
+PARQUET_ADVICE = "pip install 'runningfix[parquet]', or write the table as .csv"
 UNIT_TOLERANCE = 1e-2
 """A quaternion further from unit length than rounding to two digits makes it is a mistake, not rounding."""
 
@@ -55,12 +60,8 @@ def read_pose_table(path: Path) -> PoseTable:
     Raises InputFileError (with the row, counted as a text editor counts lines) for a missing column, a value that is
     no number, a quaternion that is no rotation, or frames or times that do not increase.
     """
-    raw = read_bytes(path, expected="a table of poses (.csv)")
-    try:
-        table = pd.read_csv(io.BytesIO(raw), comment="#", skipinitialspace=True, dtype=str, skip_blank_lines=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise _wrong(path, f"not a table ({str(error).strip()})", "comma-separated columns under a header") from None
-    table = table.rename(columns=str.strip).dropna(how="all")
+    raw = read_bytes(path, expected="a table of poses (.csv or .parquet)")
+    table = _parquet(path, raw) if is_parquet(path) else _csv(path, raw)
     keys = [name for name in ("frame", "time_s") if name in table]
     absent = [name for name in (*PLACE, *TURN) if name not in table]
     if absent or not keys:
@@ -82,6 +83,49 @@ def read_pose_table(path: Path) -> PoseTable:
         position_enu_m=np.stack([value[name] for name in PLACE], axis=1),
         enu_from_cam=rotation.normalised(q),
     )
+
+
+def is_parquet(path: Path) -> bool:
+    """Whether a file is named as a parquet table."""
+    return path.suffix.lower() == ".parquet"
+
+
+def is_pose_table(path: Path) -> bool:
+    """Whether a file is named as a table, not as a flight log."""
+    return is_parquet(path) or path.suffix.lower() == ".csv"
+
+
+def _csv(path: Path, raw: bytes) -> pd.DataFrame:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            table = pd.read_csv(
+                io.BytesIO(raw), comment="#", skipinitialspace=True, dtype=str, skip_blank_lines=False, index_col=False
+            )
+    except (
+        ValueError,
+        pd.errors.ParserError,
+        pd.errors.ParserWarning,
+    ) as error:  # empty tables and wrong encodings are ValueErrors
+        raise _wrong(path, f"not a table ({str(error).strip()})", "comma-separated columns under a header") from None
+    return table.rename(columns=str.strip).dropna(how="all")
+
+
+def _parquet(path: Path, raw: bytes) -> pd.DataFrame:
+    try:
+        from pyarrow import parquet
+    except ImportError:
+        raise _wrong(
+            path, "a parquet table, and pyarrow is not installed", "the extra `parquet`", PARQUET_ADVICE
+        ) from None
+    try:
+        table = parquet.read_table(io.BytesIO(raw), use_threads=False)
+        found = {name: table.column(i).to_pandas() for i, name in enumerate(table.column_names)}
+    except Exception as error:  # whatever pyarrow trips over in a broken file
+        first = (str(error).splitlines() or ["nothing"])[0]
+        raise _wrong(path, f"cannot be read as parquet ({type(error).__name__}: {first})", "a whole parquet file",
+                     "write the table again") from None  # fmt: skip
+    return pd.DataFrame(found)
 
 
 def table_poses(table: PoseTable, *, camera: str, frame: Ints, log_time_s: Floats, where: str) -> PoseTrack:

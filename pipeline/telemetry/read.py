@@ -11,6 +11,7 @@ from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.dji_srt import read_dji_srt
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.mapped_file import mapped
+from pipeline.telemetry.mavlink_names import FIELDS
 from pipeline.telemetry.mavlink_poses import mavlink_flight
 from pipeline.telemetry.tables import Progress, RawLog
 from pipeline.telemetry.ulog import read_ulog
@@ -50,7 +51,7 @@ def read_mavlink(path: Path, *, progress: Progress = None) -> RawLog:
     if COMPILED:  # imported here: neither is needed, nor quick to import, for other logs
         from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 
-        return read_mavlink_fast(path, progress=progress)
+        return read_mavlink_fast(path, fields=FIELDS, progress=progress)
     from pipeline.telemetry.mavlink_plain import read_mavlink_plain
 
     return read_mavlink_plain(path, progress=progress)

@@ -23,15 +23,15 @@ class MessageTable:
 
     place          (n,) increasing with the place in the file
     record_time_s  (n,) the recorder's clock, POSIX seconds; NaN where the format has none
-    system, component  (n,) who sent it; zero where the format has none
+    system, component  (n,) who sent it, whole numbers up to 255; zero where the format has none
     columns        field -> (n,) or (n, k), exactly as the reader's source defines its values
     """
 
     name: str
     place: Ints
     record_time_s: Floats
-    system: Ints
-    component: Ints
+    system: npt.NDArray[np.integer[Any]]
+    component: npt.NDArray[np.integer[Any]]
     columns: Mapping[str, Column]
 
     def __len__(self) -> int:
@@ -44,10 +44,13 @@ class MessageTable:
         """One field as float64; NaN throughout where this version of the message has no such field."""
         if field_name not in self.columns:
             return np.full(len(self), np.nan)
-        return np.asarray(self.columns[field_name], float)
+        with np.errstate(invalid="ignore"):  # a signalling NaN in a broken message is a NaN
+            return np.asarray(self.columns[field_name], float)
 
     def only(self, keep: Bools) -> MessageTable:
         """The rows where `keep` (n,) is true."""
+        if keep.all():
+            return self
         return MessageTable(
             name=self.name,
             place=self.place[keep],
@@ -56,6 +59,21 @@ class MessageTable:
             component=self.component[keep],
             columns={name: column[keep] for name, column in self.columns.items()},
         )
+
+
+def joined(pieces: list[MessageTable]) -> MessageTable:
+    """Pieces of one table as one; the list is emptied, so that both are never whole at once."""
+    first = pieces[0]
+    if len(pieces) == 1:
+        return pieces.pop()
+    columns = [dict(piece.columns) for piece in pieces]
+    whole = {name: np.concatenate([one.pop(name) for one in columns]) for name in first.columns}
+    parts = {
+        name: np.concatenate([getattr(piece, name) for piece in pieces])
+        for name in ("place", "record_time_s", "system", "component")
+    }
+    pieces.clear()
+    return MessageTable(name=first.name, columns=whole, **parts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

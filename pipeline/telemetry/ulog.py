@@ -8,6 +8,8 @@ azimuthal equidistant around (ref_lat, ref_lon) on a sphere, which is what PX4 i
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +44,7 @@ def read_ulog(path: Path, *, progress: Progress = None) -> FlightLog:
 
     Raises InputFileError where pyulog is not installed or cannot read the file.
     """
-    topics, counts, dropouts = _load(path)
+    topics, counts, dropouts, complaints = _load(path)
     if progress is not None:
         progress(1.0)
     slow = (f"{dropouts} dropouts: the card was too slow for the log",) if dropouts else ()
@@ -50,7 +52,7 @@ def read_ulog(path: Path, *, progress: Progress = None) -> FlightLog:
         path=path,
         format="ulog",
         counts=counts,
-        corrupt_packets=0,
+        corrupt_packets=len(complaints),
         position=_position(topics),
         attitude=_attitude(topics),
         gimbal=_gimbal(topics),
@@ -58,12 +60,12 @@ def read_ulog(path: Path, *, progress: Progress = None) -> FlightLog:
         camera_event_source="camera_capture" if "camera_capture" in topics else "camera_trigger",
         utc=_utc(topics),
         accuracy=_accuracy(topics),
-        notes=slow,
+        notes=(*slow, *(f"pyulog: {line}" for line in dict.fromkeys(complaints))),
     )
 
 
-def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int]:
-    """First instance of each topic, messages per topic, dropouts."""
+def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list[str]]:
+    """First instance of each topic, messages per topic, dropouts, and what pyulog complains of."""
     try:
         import pyulog
     except ImportError:
@@ -73,8 +75,9 @@ def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int]:
             expected="the extra `ulog`",
             advice="pip install 'runningfix[ulog]'",
         ) from None
+    said = io.StringIO()
     try:
-        with path.open("rb") as file:
+        with path.open("rb") as file, redirect_stdout(said):  # pyulog prints; standard output is for results
             log = pyulog.ULog(file)
     except Exception as error:  # whatever pyulog trips over in a broken file
         raise InputFileError(
@@ -85,23 +88,30 @@ def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int]:
         ) from None
     topics: dict[str, Topic] = {}
     counts: dict[str, int] = {}
-    for data in sorted(log.data_list, key=lambda d: d.multi_id):
+    whole = (d for d in log.data_list if "timestamp" in d.data)  # a topic without times is a broken one
+    for data in sorted(whole, key=lambda d: d.multi_id):
         counts[data.name] = counts.get(data.name, 0) + len(data.data["timestamp"])
         topics.setdefault(data.name, data.data)
-    return topics, counts, len(log.dropouts)
+    return topics, counts, len(log.dropouts), said.getvalue().splitlines()
 
 
 def _time(topic: Topic) -> Floats:
     """Log time (n,); the moment of the sample where the topic tells it from the moment of publishing."""
     name = "timestamp_sample" if np.any(topic.get("timestamp_sample", 0)) else "timestamp"
-    return np.asarray(topic[name], float) / 1e6
+    return _numbers(topic[name]) / 1e6
+
+
+def _numbers(column: Any) -> Floats:
+    """As float64; a signalling NaN in a broken message is a NaN."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(column, float)
 
 
 def _floats(topic: Topic, *names: str) -> Floats:
     """The first field that is there; NaN where none is."""
     for name in names:
         if name in topic:
-            return np.asarray(topic[name], float)
+            return _numbers(topic[name])
     return np.full(len(topic["timestamp"]), np.nan)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputFileError
 from pipeline.telemetry import read_log
-from pipeline.telemetry.dataflash import read_dataflash
+from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.mavlink_plain import read_mavlink_plain
 from tests.unit.telemetry.written_logs import Link, dataflash_records, fly
@@ -90,3 +90,41 @@ def test_any_bytes_are_read_or_refused_in_words(tmp_path, noise, name):
     with pytest.raises(InputFileError) as error:
         read_log(path)
     assert name in str(error.value)
+
+
+def test_a_message_that_a_cut_filled_up_exactly_is_not_believed(tmp_path):
+    """The first 13 bytes of an IMU, then a whole message as long as what the IMU lacks."""
+    records = dataflash_records(seconds=3)
+    lengths = {record[2]: len(record) for record in records}
+    path, cut = tmp_path / "a.bin", lengths[133] - lengths[131]
+    at = next(i for i in range(60, len(records)) if records[i][2] == 133 and records[i + 1][2] == 131)
+    path.write_bytes(b"".join([*records[:at], records[at][:cut], *records[at + 1 :]]))
+    ours = read_dataflash(path, wanted=("ATT", "IMU"))
+    assert ours.counts["IMU"] == sum(r[2] == 133 for r in records) - 1
+    assert ours.counts["ATT"] == sum(r[2] == 131 for r in records)
+
+
+def test_a_message_before_a_parted_header_is_kept(tmp_path):
+    records = dataflash_records(seconds=3)
+    path = tmp_path / "a.bin"
+    for inside in (1, 2):
+        broken_one = records[80][:inside] + b"garbage in a header" + records[80][inside:]
+        path.write_bytes(b"".join([*records[:80], broken_one, *records[81:]]))
+        assert sum(read_dataflash(path).counts.values()) == len(records) - 1
+
+
+def test_definitions_that_contradict_themselves_are_left_out(tmp_path):
+    """Found by fuzzing: a nameless field, and a text log that defines a message twice."""
+    records = dataflash_records(seconds=1)
+    nameless = records[2].replace(b"TimeUS,DesRoll,", b"TimeUS,,DesRol,")
+    (tmp_path / "a.bin").write_bytes(b"".join([*records[:2], nameless, *records[3:]]))
+    assert "ATT" not in read_dataflash(tmp_path / "a.bin").counts
+    lines = [
+        "FMT, 131, 30, ATT, Qff, TimeUS,Roll,Pitch",
+        "ATT, 1, 2, 3",
+        "FMT, 131, 30, ATT, Qf, TimeUS,Roll",
+        "ATT, 1, 2",
+    ]
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    found = read_dataflash_text(tmp_path / "a.log")
+    assert (found.counts["ATT"], found.corrupt_packets) == (1, 1)

@@ -82,3 +82,29 @@ def test_files_that_are_no_tables(tmp_path):
         path.write_bytes(content)
         with pytest.raises(InputFileError):
             read_pose_table(path)
+
+
+def test_a_parquet_table_is_the_same_as_text(tmp_path):
+    pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
+    import pandas as pd
+
+    text = table(tmp_path, *GOOD)
+    pd.read_csv(tmp_path / "poses.csv").to_parquet(tmp_path / "poses.parquet")
+    found = read_pose_table(tmp_path / "poses.parquet")
+    np.testing.assert_array_equal(found.position_enu_m, text.position_enu_m)
+    np.testing.assert_array_equal(found.enu_from_cam, text.enu_from_cam)
+    np.testing.assert_array_equal(found.time_s, text.time_s)
+
+
+def test_a_broken_parquet_table_is_refused_in_words(tmp_path):
+    pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
+    (tmp_path / "poses.parquet").write_bytes(b"PAR1 and nothing more")
+    with pytest.raises(InputFileError, match="cannot be read as parquet"):
+        read_pose_table(tmp_path / "poses.parquet")
+
+
+def test_rows_longer_than_the_header_are_refused(tmp_path):
+    """Found by fuzzing: pandas would take the first columns as an index and shift the others."""
+    for more in (",9", ",9,9"):
+        with pytest.raises(InputFileError, match="not a table"):
+            table(tmp_path, *(row + more for row in GOOD))
