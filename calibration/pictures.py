@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from calibration.photos import Photo, find_photos, read_photo, video_frames
+from calibration.report import ARROW
 from calibration.result import CalibratedView, Calibration
 
 WIDTH_PX = 360
 QUALITY = 72
-ARROW = 40
 FOUND, OFF = (218, 105, 9), (46, 34, 207)
 
 

@@ -12,12 +12,7 @@ from pipeline.cli.console import Console
 
 def run(arguments: Namespace, console: Console) -> int:
     """Writes the board's page."""
-    board = Board.parse(
-        arguments.board,
-        square_mm=arguments.square_mm,
-        marker_mm=arguments.marker_mm,
-        dictionary=arguments.dictionary or "",
-    )
+    board = read_board(arguments)
     suffix = arguments.output.suffix.lower()
     if suffix not in (".pdf", ".svg"):
         raise UsageError(
@@ -33,3 +28,13 @@ def run(arguments: Namespace, console: Console) -> int:
         f"written {arguments.output}: print at 100 %, then measure the bar; glue it onto something flat and stiff",
     )
     return 0
+
+
+def read_board(arguments: Namespace) -> Board:
+    """The board that the options of `board` and `calibrate` describe. Raises UsageError."""
+    return Board.parse(
+        arguments.board,
+        square_mm=arguments.square_mm,
+        marker_mm=arguments.marker_mm,
+        dictionary=arguments.dictionary or "",
+    )

@@ -10,6 +10,7 @@ from typing import Any
 from calibration import Board, Calibration, calibrate_files, calibration_page, pictures, write_camera
 from calibration.errors import CalibrationError, RunningFixError, UsageError
 from calibration.files import write_whole
+from pipeline.cli.board import read_board
 from pipeline.cli.console import Console
 
 SUFFIXES = {"json": ".json", "opencv-xml": ".xml", "caliscope": ".toml", "aniposelib": ".toml"}
@@ -18,12 +19,7 @@ VERDICTS = ("poor", "usable", "good")
 
 def run(arguments: Namespace, console: Console) -> int:
     """Calibrates, writes the camera file, says how far to believe it."""
-    board = Board.parse(
-        arguments.board,
-        square_mm=arguments.square_mm,
-        marker_mm=arguments.marker_mm,
-        dictionary=arguments.dictionary or "",
-    )
+    board = read_board(arguments)
     if arguments.each:
         return _run_each(arguments, board, console)
     report, text = _calibrated(arguments.sources, arguments.output, board, arguments, console)

@@ -12,9 +12,7 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 INTERRUPTED = 130
-OWN_MODULES = {
-    name: name for name in ("board", "boresight", "calibrate", "detect", "inspect", "label", "demo", "experiment")
-}
+OWN_MODULES = ("board", "boresight", "calibrate", "demo", "detect", "experiment", "inspect", "label")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

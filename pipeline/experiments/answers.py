@@ -18,7 +18,7 @@ from calibration.arrays import Floats, Ints
 from pipeline.experiments.declare import Approach
 from pipeline.experiments.li_rounds import alternated, solve_li
 from pipeline.records import Motion, Problem, Solution, SolveStatus
-from pipeline.solver import _kernels, solve
+from pipeline.solver import dense, solve
 from pipeline.solver import map as statistical
 from pipeline.solver.beginning import candidates
 from pipeline.solver.bordered import factorise
@@ -99,7 +99,7 @@ def optimum(problem: Problem, frames: Frames, approach: Approach) -> tuple[Outco
     if settings.method == "li":
         return alternated(problem, settings, frames)
     starts = candidates(problem, settings)
-    _kernels.warm()
+    dense.warm()
     began = time.perf_counter()
     if settings.method == "map":
         found = statistical.adjust(problem, settings, frames, starts)

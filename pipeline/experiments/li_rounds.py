@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 
 from pipeline.records import Problem, Solution, SolverSettings
+from pipeline.solver import dense
 from pipeline.solver.layout import Frames, metric, pack
 from pipeline.solver.li import alternate
 from pipeline.solver.results import Outcome, solution_of
@@ -24,6 +25,7 @@ def solve_li(problem: Problem, settings: SolverSettings) -> Solution:
 
 def alternated(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Outcome, float]:
     """The same on packed sightings, without the record: where it ends, and the seconds it took."""
+    dense.warm()
     began = time.perf_counter()
     camera = first_camera(problem, given_offsets(problem), {})
     model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)

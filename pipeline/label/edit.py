@@ -6,7 +6,6 @@ unusual way of writing TOML can make an edit impossible, never wrong.
 
 from __future__ import annotations
 
-import copy
 import json
 import re
 import tomllib
@@ -145,7 +144,7 @@ def _drop_empty(lines: list[str], target: str) -> None:
 
 def _checked(text: str, wanted: dict[str, Any], where: str) -> str:
     try:
-        found = copy.deepcopy(tomllib.loads(text))
+        found = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         found = {}
     if found != wanted:

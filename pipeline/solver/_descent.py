@@ -16,7 +16,8 @@ import math
 
 import numpy as np
 
-from pipeline.solver._kernels import _compiled, _inlined, assemble, block_normals, kept_steps
+from pipeline.compiled import compiled, inlined
+from pipeline.solver._kernels import assemble, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2
 FIRST_DAMPING = 1e-4
@@ -24,7 +25,7 @@ FIRST_DAMPING = 1e-4
 OFFSET, SCALE, START, FOCAL = 7, 8, 9, 6
 
 
-@_compiled
+@compiled
 def _places(order_coefficient, order_camera, first, degree, block_camera):  # type: ignore[no-untyped-def]
     """Twin of `assembly.global_places` for one span and no drift."""
     width = 0
@@ -43,7 +44,7 @@ def _places(order_coefficient, order_camera, first, degree, block_camera):  # ty
     return out
 
 
-@_compiled
+@compiled
 def _where(video_s, frame_camera, camera, begin, block_camera, mid_s, half_s, u, local):  # type: ignore[no-untyped-def]
     """Times u (F,) inside the span, and the chain rule `local` (B, 11, 12), at the clocks of `camera` (C, W)."""
     for f in range(len(video_s)):
@@ -60,7 +61,7 @@ def _where(video_s, frame_camera, camera, begin, block_camera, mid_s, half_s, u,
         local[b, 8, SCALE] = local[b, 10, SCALE] = slope
 
 
-@_compiled
+@compiled
 def _series(coefficients, transform, first, degree, out):  # type: ignore[no-untyped-def]
     """Power series `out` (B, N, 3, K + 1) of all targets, the same in every block."""
     for n in range(len(first)):
@@ -73,7 +74,7 @@ def _series(coefficients, transform, first, degree, out):  # type: ignore[no-unt
                     out[b, n, axis, k] = s
 
 
-@_compiled
+@compiled
 def _factor(corner, amount, lower):  # type: ignore[no-untyped-def]
     """Cholesky of corner + diag(amount) into `lower`; the smallest squared pivot, zero where there is none."""
     smallest = np.inf
@@ -93,7 +94,7 @@ def _factor(corner, amount, lower):  # type: ignore[no-untyped-def]
     return smallest
 
 
-@_compiled
+@compiled
 def _solved(lower, right, out):  # type: ignore[no-untyped-def]
     """out = - (L L')^-1 right; the diagonal of `lower` holds its inverse."""
     n = len(right)
@@ -109,7 +110,7 @@ def _solved(lower, right, out):  # type: ignore[no-untyped-def]
             out[k] -= lower[i, k] * s
 
 
-@_inlined
+@inlined
 def _with_priors(camera, mean, precision, order_camera, corner, right):  # type: ignore[no-untyped-def]
     """Adds the cameras' priors in place and returns their cost."""
     cost = 0.0
@@ -124,7 +125,7 @@ def _with_priors(camera, mean, precision, order_camera, corner, right):  # type:
     return cost
 
 
-@_compiled
+@compiled
 def across(ray, seen):  # type: ignore[no-untyped-def]
     """Twin of `layout.metric`'s gains (F, N, 2, 3): two unit rows across every ray, zero where unseen."""
     out = np.zeros((ray.shape[0], ray.shape[1], 2, 3))
@@ -147,7 +148,7 @@ def across(ray, seen):  # type: ignore[no-untyped-def]
     return out
 
 
-@_compiled
+@compiled
 def _motion_step(corner, right, order_coefficient, rank, lower, step, coefficients):  # type: ignore[no-untyped-def]
     """Moves `coefficients` to the solution; returns the smallest pivot, -1 where one is touched by nothing."""
     size = len(right)
@@ -170,7 +171,7 @@ def _motion_step(corner, right, order_coefficient, rank, lower, step, coefficien
     return pivot
 
 
-@_compiled
+@compiled
 def descend(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, begin, block_camera, mid_s, half_s, transform, first, degree, order_coefficient, order_camera, size,
@@ -280,7 +281,7 @@ def descend(  # type: ignore[no-untyped-def]
     return status, iteration, camera, coefficients, own, corner, right, cost, frame_gain
 
 
-@_compiled
+@compiled
 def _local_steps(step, places, transform, degree, local, out):  # type: ignore[no-untyped-def]
     """Twin of `assembly.local_step`: the step of the local unknowns of every block into `out` (B, L)."""
     powers, targets = transform.shape[1], len(degree)

@@ -4,40 +4,26 @@ Callers check shapes; tests hold every function equal to its twin. Without numba
 are used. Compiled code is cached beside this file, so only the first call ever compiles.
 
 One frame at a time is linearised; then up to LANES frames are eliminated together, the innermost loop always running
-over frames that lie side by side in memory, which the compiler turns into vector instructions. That width is no
-constant on purpose: unrolled loops take a minute to compile and are no faster.
+over frames that lie side by side in memory, which the compiler turns into vector instructions. That width is
+the longest block's where this is shorter, so that few lanes are empty.
 """
 
 # The arithmetic is spelt out in scalars and packed triangles: that is what makes it fast.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-try:
-    from numba import njit
+from pipeline.compiled import AVAILABLE, compiled, inlined
 
-    AVAILABLE = True
-except ImportError:  # pragma: no cover - the extra is installed where the tests run
-    AVAILABLE = False
-
-    def njit(**_: object) -> Callable[[Any], Any]:  # type: ignore[no-redef]
-        """Leaves functions as they are."""
-        return lambda function: function
-
+__all__ = ["AVAILABLE", "assemble", "block_normals", "frame_steps", "kept_steps", "warm"]
 
 LANES = 64
-_compiled = njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True)
-_inlined = njit(
-    cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True, inline="always"
-)
 NEAREST_COSINE = 0.05
 
 
-@_inlined
+@inlined
 def _turn(w, measured, turned, left):  # type: ignore[no-untyped-def]
     """exp(w) @ measured into `turned` (3, 3), and the left Jacobian of w into `left` (3, 3)."""
     x, y, z = w[0], w[1], w[2]
@@ -65,7 +51,7 @@ def _turn(w, measured, turned, left):  # type: ignore[no-untyped-def]
     left[1, 0], left[2, 0], left[2, 1] = b * xy + a * z, b * xz - a * y, b * yz + a * x
 
 
-@_inlined
+@inlined
 def _sight(series, n, u, per_s, turned, left, place, stretch, gain, ray, angular, kind, bend, Q, Jx, r):  # type: ignore[no-untyped-def]
     """One sighting: residual `r` (2,), `Jx` (2, 3), `Q` (2, 9), all times the root of the robust weight.
 
@@ -124,7 +110,7 @@ def _sight(series, n, u, per_s, turned, left, place, stretch, gain, ray, angular
     return 0.5 * cost
 
 
-@_inlined
+@inlined
 def _pose_time(Q, Jx, r, spin, velocity):  # type: ignore[no-untyped-def]
     """Fills the ninth column of Q: what a second of log time does through the camera's own motion."""
     for i in range(2):
@@ -132,7 +118,7 @@ def _pose_time(Q, Jx, r, spin, velocity):  # type: ignore[no-untyped-def]
         Q[i, 8] = turn - Jx[i, 0] * velocity[3] - Jx[i, 1] * velocity[4] - Jx[i, 2] * velocity[5]
 
 
-@_inlined
+@inlined
 def _spin(turned, measured, rate, spin):  # type: ignore[no-untyped-def]
     """The measured pose's turning rate in the axes of the corrected camera: exp(w) rate, exp(w) = turned measured'."""
     b0 = measured[0, 0] * rate[0] + measured[1, 0] * rate[1] + measured[2, 0] * rate[2]
@@ -142,7 +128,7 @@ def _spin(turned, measured, rate, spin):  # type: ignore[no-untyped-def]
         spin[i] = turned[i, 0] * b0 + turned[i, 1] * b1 + turned[i, 2] * b2
 
 
-@_compiled
+@compiled
 def _negative_sums(out, rows):  # type: ignore[no-untyped-def]
     """out (w,) = minus the sum of `rows` (n, w)."""
     for lane in range(len(out)):
@@ -152,7 +138,7 @@ def _negative_sums(out, rows):  # type: ignore[no-untyped-def]
             out[lane] -= rows[n, lane]
 
 
-@_compiled
+@compiled
 def _moments(m, pw, count, moment):  # type: ignore[no-untyped-def]
     """moment[k] = sum of m u^k for k < `count`: up to three or five at once."""
     if count <= 3:
@@ -180,7 +166,7 @@ def _moments(m, pw, count, moment):  # type: ignore[no-untyped-def]
         moment[k] = s0
 
 
-@_compiled
+@compiled
 def block_normals(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, begin, camera, time_u, half_s, keep, kept,
@@ -438,7 +424,7 @@ def block_normals(  # type: ignore[no-untyped-def]
     return normal, gradient, cost, frame_gain
 
 
-@_compiled
+@compiled
 def kept_steps(kept, seen, has_rate, begin, time_u, powers, step):  # type: ignore[no-untyped-def]
     """The same as `frame_steps` from what `block_normals` kept: du = - L'^-1 (L^-1 h + W dz)."""
     n_targets = seen.shape[1]
@@ -477,7 +463,7 @@ def kept_steps(kept, seen, has_rate, begin, time_u, powers, step):  # type: igno
     return out
 
 
-@_compiled
+@compiled
 def frame_steps(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, begin, camera, time_u, half_s, step,
@@ -568,7 +554,7 @@ def frame_steps(  # type: ignore[no-untyped-def]
     return out
 
 
-@_compiled
+@compiled
 def assemble(  # type: ignore[no-untyped-def]
     normal, gradient, transform, degree, span, local_from_camera, places, n_band, n_border, width
 ):

@@ -241,7 +241,7 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
     compiled: Callable[..., Any] = _kernels.block_normals
     columns = 3 * len(frames.targets) + (8 if frames.pose_rate is None else 9)
     keep = pose.free and frames.count * (6 * columns + 27) <= KEPT_NUMBERS
-    kept = np.zeros((frames.count if keep else 0, 6 * columns + 27))
+    kept = np.empty((frames.count if keep else 0, 6 * columns + 27))
     normal, gradient, cost, gain = compiled(*_kernel_arguments(frames, pose, loss, at, blocks), keep, kept)
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
 

@@ -36,8 +36,7 @@ def intersect(model: Model, state: State) -> State:
 
     Raises GeometryError where the rays do not determine it.
     """
-    compiled = model.motion_free and is_dense(model)
-    return _motion_step(model, model.frames if compiled else metric(model.frames), state)
+    return _motion_step(model, model.frames, state)
 
 
 def intersect_weighted(model: Model, state: State) -> State:
@@ -68,14 +67,14 @@ def distance_m(model: Model, state: State) -> Floats:
 
 
 def _motion_step(model: Model, frames: Frames, state: State) -> State:
-    """One linear step of the motion alone with the linear residuals of `frames`."""
+    """One linear step of the motion alone; residuals of `frames` that are angular are made metric."""
     if model.motion_free and is_dense(model):
         found, pivot = motion_step(model, state, frames, RANK)
         _check_pivot(pivot)
         return replace(state, coefficients=found)
     held = replace(model.priors, camera_free=np.zeros_like(model.priors.camera_free))
     alone = model.changed(
-        frames=frames,
+        frames=metric(frames) if frames.angular else frames,
         priors=held,
         pose=held_poses(len(frames.cameras)),
         loss=Loss(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from pipeline.records import PoseTrack, SightRays
 from pipeline.solver.boresight import Boresight, Known, find_boresight
 from pipeline.stages.measured import MeasuredPoses
 from pipeline.stages.poses import measure_poses
-from pipeline.stages.problem import read_models, sight_rays
+from pipeline.stages.problem import poses_of, read_models, sight_rays
 from pipeline.stages.progress import Progress, silent
 from pipeline.stages.sources import Sources, open_sources
 from pipeline.stages.tracks import place_sigma_px, read_tracks
@@ -171,8 +171,8 @@ def _boresight(
         )
     camera = flight.camera(pose.camera)
     if camera.tracks is None:
-        rays = _placed(rays, place_sigma_px(flight, camera))
-    base = _rows(pose.poses, frames)
+        rays = replace(rays, place_sigma_px=place_sigma_px(flight, camera))
+    base = poses_of(flight, pose, frames)
     shifted = pose.poses_at(base) if pose.poses_at is not None else None
 
     def poses_at(shift_s: float) -> PoseTrack:
@@ -201,22 +201,9 @@ def _places_at(
 
 
 def _some(rays: SightRays, keep: Any) -> SightRays:
-    return SightRays(
-        camera=rays.camera, targets=rays.targets, target=rays.target[keep], frame=rays.frame[keep],
-        time_s=rays.time_s[keep], direction_cam=rays.direction_cam[keep], pixel_from_ray=rays.pixel_from_ray[keep],
-        sigma_px=rays.sigma_px[keep], place_sigma_px=rays.place_sigma_px,
-    )  # fmt: skip
-
-
-def _placed(rays: SightRays, sigma_px: tuple[float, float]) -> SightRays:
-    return SightRays(**{**vars(rays), "place_sigma_px": sigma_px})
-
-
-def _rows(poses: PoseTrack, frames: Any) -> PoseTrack:
-    row = np.searchsorted(poses.frame, frames)
-    return PoseTrack(
-        camera=poses.camera, frame=frames, time_s=poses.time_s[row], position_enu_m=poses.position_enu_m[row],
-        enu_from_cam=poses.enu_from_cam[row],
+    return replace(
+        rays, target=rays.target[keep], frame=rays.frame[keep], time_s=rays.time_s[keep],
+        direction_cam=rays.direction_cam[keep], pixel_from_ray=rays.pixel_from_ray[keep], sigma_px=rays.sigma_px[keep],
     )  # fmt: skip
 
 

@@ -148,7 +148,7 @@ def _check_inside(flight: Flight, model: CameraModel, tracks: Sequence[ImageTrac
 
 def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]) -> CameraInput:
     settings = flight.camera(pose.camera)
-    base = _poses_of(flight, pose, np.unique(rays.frame))
+    base = poses_of(flight, pose, np.unique(rays.frame))
     offset, sigma = settings.offset_s, pose.sigma
     reference = next(m for m in measured if m.camera == flight.reference_camera)
     if offset is None and pose.utc_s is not None and reference.utc_s is not None:
@@ -174,7 +174,8 @@ def _offset_sigma(settings: CameraSettings, pose: MeasuredPoses, reference: Meas
     return replace(pose.sigma, offset_s=float(np.hypot(pose.utc_sigma_s, reference.utc_sigma_s)))
 
 
-def _poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:
+def poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:
+    """A camera's measured poses at some of its frames. Raises InputFileError where one is missing."""
     have = pose.poses
     row = np.clip(np.searchsorted(have.frame, frame), 0, len(have.frame) - 1)
     missing = have.frame[row] != frame

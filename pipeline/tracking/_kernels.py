@@ -6,27 +6,14 @@ pixels side by side, so that every sum is a vector instruction's; the interprete
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
-try:
-    from numba import njit
+from pipeline.compiled import AVAILABLE, compiled
 
-    AVAILABLE = True
-except ImportError:  # pragma: no cover - the extra is installed where the tests run
-    AVAILABLE = False
-
-    def njit(**_: object) -> Callable[[Any], Any]:  # type: ignore[no-redef]
-        """Leaves functions as they are."""
-        return lambda function: function
+__all__ = ["AVAILABLE", "judged", "settled"]
 
 
-_compiled = njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy", nogil=True)
-
-
-@_compiled
+@compiled
 def _sample(piece, linear, x0, y0, step, h, w, out):  # type: ignore[no-untyped-def]
     """The piece (H, W, 3) under a warp into `out` (3, h w), bilinear; edges repeat."""
     height, width = piece.shape[0], piece.shape[1]
@@ -49,7 +36,7 @@ def _sample(piece, linear, x0, y0, step, h, w, out):  # type: ignore[no-untyped-
             v += 1
 
 
-@_compiled
+@compiled
 def _columns(pixels, step, out):  # type: ignore[no-untyped-def]
     """Translation (2), scale, rotation, shears (2) and gain of every value into `out` (7, 3, h w)."""
     h, w = pixels.shape[0], pixels.shape[1]
@@ -77,7 +64,7 @@ def _columns(pixels, step, out):  # type: ignore[no-untyped-def]
                 out[6, colour, v] = pixels[i, j, colour] - mean[colour]
 
 
-@_compiled
+@compiled
 def _inverse(columns, weight, prior):  # type: ignore[no-untyped-def]
     """Inverse (10, 10) of the normal matrix of the weighted columns (7, 3, n), brightness of each colour included."""
     n = weight.shape[0]
@@ -108,7 +95,7 @@ def _inverse(columns, weight, prior):  # type: ignore[no-untyped-def]
     return np.linalg.inv(normal)
 
 
-@_compiled
+@compiled
 def _right_side(columns, weight, change, out):  # type: ignore[no-untyped-def]
     """Weighted columns times residuals (3, n) into `out` (10,)."""
     n = weight.shape[0]
@@ -127,7 +114,7 @@ def _right_side(columns, weight, change, out):  # type: ignore[no-untyped-def]
         out[7 + colour] = total
 
 
-@_compiled
+@compiled
 def _doubted(weight, columns, change, step, spread, robust_sigmas, out):  # type: ignore[no-untyped-def]
     """`weight` times the robust weight (Geman-McClure) of what `step` (10,) leaves over, into `out` (n,)."""
     n = weight.shape[0]
@@ -146,7 +133,7 @@ def _doubted(weight, columns, change, step, spread, robust_sigmas, out):  # type
         out[v] = weight[v] / (doubt * doubt)
 
 
-@_compiled
+@compiled
 def _shape_offset(linear, predicted):  # type: ignore[no-untyped-def]
     """predicted^-1 linear - 1 as (scale, rotation, shear, shear)."""
     p, q, r, s = predicted[0, 0], predicted[0, 1], predicted[1, 0], predicted[1, 1]
@@ -158,7 +145,7 @@ def _shape_offset(linear, predicted):  # type: ignore[no-untyped-def]
     return np.array([d00 + d11, d10 - d01, d00 - d11, d01 + d10]) / 2
 
 
-@_compiled
+@compiled
 def _weights(spread, step, linear, centre, near, shared, image):  # type: ignore[no-untyped-def]
     """Information of each pixel (h w,): near the tracked point, of small spread, inside the image (width, height)."""
     h, w = spread.shape[0], spread.shape[1]
@@ -178,7 +165,7 @@ def _weights(spread, step, linear, centre, near, shared, image):  # type: ignore
     return weight
 
 
-@_compiled
+@compiled
 def settled(  # type: ignore[no-untyped-def]
     piece, corner, pixels, spreads, near, shared, image, step_px, linear, centre, predicted, prior, iterations,
     enough_px, robust_sigmas,
@@ -227,7 +214,7 @@ def settled(  # type: ignore[no-untyped-def]
     return a, np.array([x, y]), inverse, seen, robust
 
 
-@_compiled
+@compiled
 def judged(  # type: ignore[no-untyped-def]
     pixels, spread, trust, core, seen, robust, step, linear, centre, image, least_tolerance, most_tolerance,
     robust_sigmas,
