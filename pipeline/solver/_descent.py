@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from pipeline.compiled import compiled, inlined
-from pipeline.solver._kernels import assemble, block_normals, kept_steps
+from pipeline.solver._kernels import _sight, _turn, assemble, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2
 FIRST_DAMPING = 1e-4
@@ -189,11 +189,13 @@ def descend(  # type: ignore[no-untyped-def]
     for c in range(len(spread)):
         for i in range(6):
             keep = keep or spread[c, i] != 0.0
-    wide = 6 * (3 * targets + 8) + 27
+    wide = 6 * (3 * targets + 4) + 27
+    nothing, no_gain = np.zeros((0, targets, 2)), np.zeros((0, targets))
     kept, kept_there = np.empty((frames if keep else 0, wide)), np.empty((frames if keep else 0, wide))
     u, u_there, local = np.zeros(frames), np.zeros(frames), np.zeros((blocks, 11, 12))
     local_there = local.copy()
     series = np.zeros((blocks, targets, 3, powers))
+    series_there = series.copy()
     half, span = np.full(blocks, half_s), np.zeros(blocks, np.int64)
     places = _places(order_coefficient, order_camera, first, degree, block_camera)
     transforms = transform.reshape((1, *transform.shape))
@@ -208,7 +210,8 @@ def descend(  # type: ignore[no-untyped-def]
     _series(coefficients, transform, first, degree, series)
     normal, gradient, cost, frame_gain = block_normals(
         cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
-        series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, begin, block_camera, u, half, keep, kept,
+        series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, nothing, no_gain, begin, block_camera, u, half,
+        keep, kept,
     )  # fmt: skip
     _, _, corner, right = assemble(normal, gradient, transforms, degree, span, local, places, 0, size, 0)
     cost += _with_priors(camera, mean, precision, order_camera, corner, right)
@@ -243,13 +246,13 @@ def descend(  # type: ignore[no-untyped-def]
             own_there = own
             if keep:
                 _local_steps(step, places, transform, degree, local, moved)
-                own_there = own + kept_steps(kept, seen, no, begin, u, powers, moved)
+                own_there = own + kept_steps(kept, seen, no, no, begin, u, half, series, moved)
             _where(video_s, frame_camera, camera_there, begin, block_camera, mid_s, half_s, u_there, local_there)
-            _series(coefficients_there, transform, first, degree, series)
+            _series(coefficients_there, transform, first, degree, series_there)
             normal, gradient, cost_there, gain_there = block_normals(
                 cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
-                series, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, begin, block_camera,
-                u_there, half, keep, kept_there,
+                series_there, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, nothing, no_gain,
+                begin, block_camera, u_there, half, keep, kept_there,
             )  # fmt: skip
             _, _, corner_there, right_there = assemble(
                 normal, gradient, transforms, degree, span, local_there, places, 0, size, 0
@@ -262,6 +265,7 @@ def descend(  # type: ignore[no-untyped-def]
                 camera, camera_there = camera_there, camera
                 coefficients, coefficients_there = coefficients_there, coefficients
                 kept, kept_there = kept_there, kept
+                series, series_there = series_there, series
                 u, u_there = u_there, u
                 local, local_there = local_there, local
                 history[count - 1] = cost
@@ -279,6 +283,37 @@ def descend(  # type: ignore[no-untyped-def]
             status, iteration = STALLED, count
             break
     return status, iteration, camera, coefficients, own, corner, right, cost, frame_gain
+
+
+@compiled
+def median_length(  # type: ignore[no-untyped-def]
+    cam_from_enu, position, ray, gain, seen, angular, spread, video_s, frame_camera, mid_s, half_s, transform, first,
+    degree, camera, coefficients, own,
+):  # fmt: skip
+    """Twin of the median of `beginning.residual_lengths`."""
+    series = np.zeros((1, len(first), 3, transform.shape[1]))
+    _series(coefficients, transform, first, degree, series)
+    Q, Jx, r, unmoved = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(9), np.zeros(2)
+    turned, left, error, place = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(6), np.zeros(3)
+    lengths = np.empty(seen.size)
+    count = 0
+    for f in range(len(video_s)):
+        c = frame_camera[f]
+        u = (video_s[f] * (1.0 + camera[c, SCALE]) + camera[c, OFFSET] - mid_s) / half_s
+        for i in range(6):
+            error[i] = camera[c, i] + spread[c, i] * own[f, i]
+        for i in range(3):
+            place[i] = position[f, i] + error[3 + i]
+        _turn(error, cam_from_enu[f], turned, left)
+        for n in range(len(first)):
+            if seen[f, n]:
+                _sight(
+                    series[0], n, u, 1.0, turned, left, place, math.exp(camera[c, FOCAL]), gain[f, n], ray[f, n],
+                    unmoved, angular, 0, 1.0, Q, Jx, r,
+                )  # fmt: skip
+                lengths[count] = math.sqrt(r[0] * r[0] + r[1] * r[1])
+                count += 1
+    return np.median(lengths[:count])
 
 
 @compiled

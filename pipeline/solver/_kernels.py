@@ -52,11 +52,13 @@ def _turn(w, measured, turned, left):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _sight(series, n, u, per_s, turned, left, place, stretch, gain, ray, angular, kind, bend, Q, Jx, r):  # type: ignore[no-untyped-def]
+def _sight(  # type: ignore[no-untyped-def]
+    series, n, u, per_s, turned, left, place, stretch, gain, ray, shift, angular, kind, bend, Q, Jx, r
+):
     """One sighting: residual `r` (2,), `Jx` (2, 3), `Q` (2, 9), all times the root of the robust weight.
 
-    Q holds the derivatives by rotation, position, focal and time; the column of pose time is the caller's. Returns
-    half of rho.
+    Q holds the derivatives by rotation, position, focal and time; the column of pose time is the caller's. `shift` (2,)
+    is added to the residual. r[8] is the root itself. Returns half of rho.
     """
     top = series.shape[2] - 1
     p0, p1, p2 = series[n, 0, top], series[n, 1, top], series[n, 2, top]
@@ -77,7 +79,8 @@ def _sight(series, n, u, per_s, turned, left, place, stretch, gain, ray, angular
         inverse = 1.0 / max(along, max(nearest, 1e-9))
     r0 = (gain[0, 0] * s0 + gain[0, 1] * s1 + gain[0, 2] * y2) * inverse
     r1 = (gain[1, 0] * s0 + gain[1, 1] * s1 + gain[1, 2] * y2) * inverse
-    square = r0 * r0 + r1 * r1
+    e0, e1 = r0 + shift[0], r1 + shift[1]
+    square = e0 * e0 + e1 * e1
     cost, root = square, 1.0
     if kind == 1 and square > bend * bend:
         length = math.sqrt(square)
@@ -85,7 +88,7 @@ def _sight(series, n, u, per_s, turned, left, place, stretch, gain, ray, angular
     elif kind == 2:
         over = 1.0 + square / (bend * bend)
         cost, root = bend * bend * math.log(over), math.sqrt(1.0 / over)
-    r[0], r[1] = r0 * root, r1 * root
+    r[0], r[1], r[8] = e0 * root, e1 * root, root
     for i in range(2):
         back = 0.0
         if angular:
@@ -140,7 +143,13 @@ def _negative_sums(out, rows):  # type: ignore[no-untyped-def]
 
 @compiled
 def _moments(m, pw, count, moment):  # type: ignore[no-untyped-def]
-    """moment[k] = sum of m u^k for k < `count`: up to three or five at once."""
+    """moment[k] = sum of m u^k for k < `count`: one, or up to three or five at once."""
+    if count == 1:
+        s0 = 0.0
+        for lane in range(len(m)):
+            s0 += m[lane]
+        moment[0] = s0
+        return
     if count <= 3:
         s0 = s1 = s2 = 0.0
         for lane in range(len(m)):
@@ -166,34 +175,104 @@ def _moments(m, pw, count, moment):  # type: ignore[no-untyped-def]
         moment[k] = s0
 
 
+@inlined
+def _columns(n_targets, powers, has_rate, placed, place, wide):  # type: ignore[no-untyped-def]
+    """Where each column of z begins among a block's local unknowns, and how many powers of u it has there.
+
+    The columns are what the others are made of: targets 3 N, rotation 3, focal, pose time where there is any, place
+    errors 2 N where there are any. Position and time follow from the targets' columns, see `_spread_out`.
+    """
+    nx = 3 * n_targets
+    first_q = nx * powers
+    for z in range(nx):
+        place[z], wide[z] = z * powers, powers
+    for i in range(3):
+        place[nx + i], wide[nx + i] = first_q + i, 1
+    place[nx + 3], wide[nx + 3] = first_q + 6, 1
+    z = nx + 4
+    if has_rate:
+        place[z], wide[z] = first_q + 9, 2
+        z += 1
+    if placed:
+        for i in range(2 * n_targets):
+            place[z + i], wide[z + i] = first_q + 11 + 2 * i, 2
+
+
+@inlined
+def _spread_out(N, g, series, per_s, n_targets, powers):  # type: ignore[no-untyped-def]
+    """Fills in place the rows and columns of a camera's position and of time, from those of the targets.
+
+    To move a camera is to move all targets the other way; to move time is to move them along their motion:
+    dX/dt = sum_k k m_k u^(k - 1) / half_s, so every such column is a sum of the targets' own columns.
+    """
+    first_q = 3 * n_targets * powers
+    size = len(g)
+    for d in range(5):
+        at = first_q + 3 + d if d < 3 else first_q + 4 + d
+        for n in range(n_targets):
+            for i in range(3):
+                row = (3 * n + i) * powers
+                if d < 3:
+                    if i == d:
+                        g[at] -= g[row]
+                        for y in range(size):
+                            N[at, y] -= N[row, y]
+                    continue
+                for k in range(1, powers):
+                    weight = per_s * k * series[n, i, k]
+                    source = row + k - 1 + d - 3
+                    g[at] += weight * g[source]
+                    for y in range(size):
+                        N[at, y] += weight * N[source, y]
+        for y in range(size):
+            N[y, at] = N[at, y]
+        own = 0.0
+        for n in range(n_targets):
+            for i in range(3):
+                row = (3 * n + i) * powers
+                if d < 3:
+                    if i == d:
+                        own -= N[row, at]
+                    continue
+                for k in range(1, powers):
+                    own += per_s * k * series[n, i, k] * N[row + k - 1 + d - 3, at]
+        N[at, at] = own
+
+
 @compiled
 def block_normals(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
-    series, bias, focal, own, begin, camera, time_u, half_s, keep, kept,
+    series, bias, focal, own, shift, place_gain, begin, camera, time_u, half_s, keep, kept,
 ):  # fmt: skip
     """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
 
+    shift (F, N, 2) and place_gain (F, N) of place errors; without frames where there are none.
     With `keep` also what `kept_steps` needs of every frame, into `kept` (F, 6 nz + 27): W = L^-1 E, L^-1 h, the factor
     L of H below its diagonal, and the inverse of its diagonal.
     """
     n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
+    placed = len(shift) > 0
     nx = 3 * n_targets
-    nq = 9 if has_rate else 8
-    nz = nx + nq
+    nq = 8 if has_rate else 7
+    first_place = nx + nq - 3
+    nz = first_place + (2 * n_targets if placed else 0)
     nk = max(2 * powers - 1, 5)
-    first_q = nx * powers
-    size = first_q + 11
+    size = nx * powers + 11 + (4 * n_targets if placed else 0)
+    column, wide = np.zeros(nz, np.int64), np.zeros(nz, np.int64)
+    _columns(n_targets, powers, has_rate, placed, column, wide)
     longest = 1
     for b in range(n_blocks):
         longest = max(longest, begin[b + 1] - begin[b])
     width = min(LANES, 4 * ((longest + 3) // 4))
     normal = np.zeros((n_blocks, size, size))
     gradient = np.zeros((n_blocks, size))
-    JQ = np.zeros((2 * n_targets, 9, width))
+    JQ = np.zeros((2 * n_targets, 8, width))
     R = np.zeros((2 * n_targets, width))
-    DX = np.zeros((nx, 9, width))
-    DQ = np.zeros((9, 9, width))
+    PG = np.zeros((n_targets, width))
+    DX = np.zeros((nx, 8, width))
+    DQ = np.zeros((8, 8, width))
     gz = np.zeros((nz, width))
+    hq = np.zeros((6, width))
     W = np.zeros((nz, 6, width))
     wh = np.zeros((6, width))
     H = np.zeros((6, 6, width))
@@ -201,14 +280,10 @@ def block_normals(  # type: ignore[no-untyped-def]
     mine = np.zeros((6, width))
     pw = np.zeros((nk, width))
     m = np.zeros(width)
-    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(8)
+    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(9)
     turned, left = np.zeros((3, 3)), np.zeros((3, 3))
-    error, place, spin = np.zeros(6), np.zeros(3), np.zeros(3)
+    error, place, spin, moved = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(2)
     moment = np.zeros(nk)
-    q_place = np.zeros(9, np.int64)
-    for i in range(7):
-        q_place[i] = first_q + i
-    q_place[7], q_place[8] = first_q + 7, first_q + 9
     cost = frame_gain = 0.0
     for b in range(n_blocks):
         c = camera[b]
@@ -224,6 +299,7 @@ def block_normals(  # type: ignore[no-untyped-def]
             if lanes < width:
                 JQ[:, :, lanes:] = 0.0
                 R[:, lanes:] = 0.0
+                PG[:, lanes:] = 0.0
                 pw[:, lanes:] = 0.0
                 mine[:, lanes:] = 0.0
             for lane in range(lanes):
@@ -247,16 +323,21 @@ def block_normals(  # type: ignore[no-untyped-def]
                     if not seen[f, n]:
                         for i in range(nq):
                             JQ[x, i, lane] = JQ[x + 1, i, lane] = 0.0
-                        R[x, lane] = R[x + 1, lane] = 0.0
+                        R[x, lane] = R[x + 1, lane] = PG[n, lane] = 0.0
                         continue
+                    if placed:
+                        moved[0], moved[1] = shift[f, n, 0], shift[f, n, 1]
                     cost += _sight(
-                        series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], angular, kind,
-                        bend, Q, Jx, r,
+                        series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], moved, angular,
+                        kind, bend, Q, Jx, r,
                     )  # fmt: skip
                     if has_rate:
                         _pose_time(Q, Jx, r, spin, rate[f])
+                        JQ[x, 7, lane], JQ[x + 1, 7, lane] = Q[0, 8], Q[1, 8]
+                    if placed:
+                        PG[n, lane] = place_gain[f, n] * r[8]
                     R[x, lane], R[x + 1, lane] = r[0], r[1]
-                    for i in range(nq):
+                    for i in range(7):
                         JQ[x, i, lane], JQ[x + 1, i, lane] = Q[0, i], Q[1, i]
             # --- their products, all lanes at once; the derivative by a target's place is minus that by the camera's
             for n in range(n_targets):
@@ -276,15 +357,19 @@ def block_normals(  # type: ignore[no-untyped-def]
                             DX[3 * n + j, 3 + i, lane] = DX[z, 3 + j, lane]
             for i in range(nq):
                 if 3 <= i < 6:
-                    _negative_sums(gz[nx + i], gz[i - 3 : nx : 3])
+                    _negative_sums(hq[i], gz[i - 3 : nx : 3])
                     for j in range(i + 1):
                         _negative_sums(DQ[i, j], DX[i - 3 :: 3, j])
                     continue
+                z = nx + (i if i < 3 else i - 3)
                 for lane in range(width):
-                    gz[nx + i, lane] = JQ[0, i, lane] * R[0, lane]
+                    gz[z, lane] = JQ[0, i, lane] * R[0, lane]
                 for row in range(1, 2 * n_targets):
                     for lane in range(width):
-                        gz[nx + i, lane] += JQ[row, i, lane] * R[row, lane]
+                        gz[z, lane] += JQ[row, i, lane] * R[row, lane]
+                if i < 3:
+                    for lane in range(width):
+                        hq[i, lane] = gz[z, lane]
                 for j in range(i + 1):
                     if 3 <= j < 6:
                         _negative_sums(DQ[i, j], DX[j - 3 :: 3, i])
@@ -294,6 +379,10 @@ def block_normals(  # type: ignore[no-untyped-def]
                     for row in range(1, 2 * n_targets):
                         for lane in range(width):
                             DQ[i, j, lane] += JQ[row, i, lane] * JQ[row, j, lane]
+            for z in range(first_place, nz):
+                row = z - first_place
+                for lane in range(width):
+                    gz[z, lane] = PG[row // 2, lane] * R[row, lane]
             # --- eliminate the frames' own errors
             if still and keep:
                 kept[low : low + lanes, 6 * nz + 6] = 0.0
@@ -307,7 +396,7 @@ def block_normals(  # type: ignore[no-untyped-def]
                     for lane in range(width):
                         own_part = H[i, i, lane] * (1.0 + damping) + prior[c, i]
                         H[i, i, lane] = own_part if own_part > 0.0 else 1.0
-                        wh[i, lane] = gz[nx + i, lane] * si + prior[c, i] * mine[i, lane]
+                        wh[i, lane] = hq[i, lane] * si + prior[c, i] * mine[i, lane]
                 for i in range(6):
                     for j in range(i):
                         for k in range(j):
@@ -333,12 +422,15 @@ def block_normals(  # type: ignore[no-untyped-def]
                         if z < nx:
                             for lane in range(width):
                                 W[z, i, lane] = DX[z, i, lane] * si
-                        elif z - nx < i:
+                        elif z >= first_place:
+                            row = z - first_place
                             for lane in range(width):
-                                W[z, i, lane] = DQ[i, z - nx, lane] * si
+                                W[z, i, lane] = PG[row // 2, lane] * JQ[row, i, lane] * si
                         else:
+                            q = z - nx if z - nx < 3 else z - nx + 3
+                            high, under = max(q, i), min(q, i)
                             for lane in range(width):
-                                W[z, i, lane] = DQ[z - nx, i, lane] * si
+                                W[z, i, lane] = DQ[high, under, lane] * si
                         for k in range(i):
                             for lane in range(width):
                                 W[z, i, lane] -= H[i, k, lane] * W[z, k, lane]
@@ -349,50 +441,63 @@ def block_normals(  # type: ignore[no-untyped-def]
                             gz[z, lane] -= W[z, i, lane] * wh[i, lane]
                 if keep:
                     for lane in range(lanes):
-                        row = kept[low + lane]
+                        row_kept = kept[low + lane]
                         for z in range(nz):
                             for i in range(6):
-                                row[6 * z + i] = W[z, i, lane]
+                                row_kept[6 * z + i] = W[z, i, lane]
                         at = 6 * nz
                         for i in range(6):
-                            row[at + i] = wh[i, lane]
-                            row[at + 6 + i] = inverse[i, lane]
+                            row_kept[at + i] = wh[i, lane]
+                            row_kept[at + 6 + i] = inverse[i, lane]
                             for j in range(i):
-                                row[at + 12 + (i * (i - 1)) // 2 + j] = H[i, j, lane]
+                                row_kept[at + 12 + (i * (i - 1)) // 2 + j] = H[i, j, lane]
             # --- moments
             for z in range(nz):
-                if z < nx:
-                    for k in range(powers):
-                        s = 0.0
-                        for lane in range(width):
-                            s += gz[z, lane] * pw[k, lane]
-                        g[z * powers + k] += s
-                else:
-                    for k in range(2 if z - nx >= 7 else 1):
-                        s = 0.0
-                        for lane in range(width):
-                            s += gz[z, lane] * pw[k, lane]
-                        g[q_place[z - nx] + k] += s
+                at_z, wide_z = column[z], wide[z]
+                for k in range(wide_z):
+                    s = 0.0
+                    for lane in range(width):
+                        s += gz[z, lane] * pw[k, lane]
+                    g[at_z + k] += s
                 for y in range(z + 1):
+                    apart = True
                     if z < nx:
-                        same = z // 3 == y // 3
-                        if still and not same:
-                            continue
-                        if same:
+                        if z // 3 == y // 3:
+                            apart = False
                             for lane in range(width):
                                 m[lane] = -DX[z, 3 + y % 3, lane]
-                        else:
+                    elif z < first_place:
+                        apart = False
+                        q = z - nx if z - nx < 3 else z - nx + 3
+                        if y < nx:
                             for lane in range(width):
-                                m[lane] = 0.0
-                        count = 2 * powers - 1
-                    elif y < nx:
-                        for lane in range(width):
-                            m[lane] = DX[y, z - nx, lane]
-                        count = powers + (1 if z - nx >= 7 else 0)
+                                m[lane] = DX[y, q, lane]
+                        else:
+                            p = y - nx if y - nx < 3 else y - nx + 3
+                            for lane in range(width):
+                                m[lane] = DQ[q, p, lane]
                     else:
+                        row = z - first_place
+                        n = row // 2
+                        if y < nx:
+                            if y // 3 == n:
+                                apart = False
+                                for lane in range(width):
+                                    m[lane] = -PG[n, lane] * JQ[row, 3 + y % 3, lane]
+                        elif y < first_place:
+                            apart = False
+                            p = y - nx if y - nx < 3 else y - nx + 3
+                            for lane in range(width):
+                                m[lane] = PG[n, lane] * JQ[row, p, lane]
+                        elif y == z:
+                            apart = False
+                            for lane in range(width):
+                                m[lane] = PG[n, lane] * PG[n, lane]
+                    if apart:
+                        if still:
+                            continue
                         for lane in range(width):
-                            m[lane] = DQ[z - nx, y - nx, lane]
-                        count = 1 + (1 if z - nx >= 7 else 0) + (1 if y - nx >= 7 else 0)
+                            m[lane] = 0.0
                     if not still:
                         for lane in range(width):
                             m[lane] -= (
@@ -403,62 +508,60 @@ def block_normals(  # type: ignore[no-untyped-def]
                                 + W[z, 4, lane] * W[y, 4, lane]
                                 + W[z, 5, lane] * W[y, 5, lane]
                             )
-                    _moments(m, pw, count, moment)
-                    if z < nx:
-                        for i in range(powers):
-                            for j in range(powers):
-                                N[z * powers + i, y * powers + j] += moment[i + j]
-                    else:
-                        wide = 2 if z - nx >= 7 else 1
-                        if y < nx:
-                            for i in range(wide):
-                                for j in range(powers):
-                                    N[q_place[z - nx] + i, y * powers + j] += moment[i + j]
-                        else:
-                            for i in range(wide):
-                                for j in range(2 if y - nx >= 7 else 1):
-                                    N[q_place[z - nx] + i, q_place[y - nx] + j] += moment[i + j]
+                    at_y, wide_y = column[y], wide[y]
+                    _moments(m, pw, wide_z + wide_y - 1, moment)
+                    for i in range(wide_z):
+                        for j in range(wide_y):
+                            N[at_z + i, at_y + j] += moment[i + j]
         for i in range(size):
             for j in range(i):
                 N[j, i] = N[i, j]
+        _spread_out(N, g, series[b], per_s, n_targets, powers)
     return normal, gradient, cost, frame_gain
 
 
 @compiled
-def kept_steps(kept, seen, has_rate, begin, time_u, powers, step):  # type: ignore[no-untyped-def]
+def kept_steps(kept, seen, has_rate, placed, begin, time_u, half_s, series, step):  # type: ignore[no-untyped-def]
     """The same as `frame_steps` from what `block_normals` kept: du = - L'^-1 (L^-1 h + W dz)."""
-    n_targets = seen.shape[1]
+    n_targets, powers = seen.shape[1], series.shape[3]
     nx = 3 * n_targets
-    nz = nx + (9 if has_rate else 8)
-    first_q, at = nx * powers, 6 * nz
+    first_q = nx * powers
+    nz = nx + (5 if has_rate else 4) + (2 * n_targets if placed else 0)
+    at = 6 * nz
+    column, wide = np.zeros(nz, np.int64), np.zeros(nz, np.int64)
+    _columns(n_targets, powers, has_rate, placed, column, wide)
     out = np.zeros((len(kept), 6))
     right = np.zeros(6)
+    d = np.zeros(step.shape[1])
     for b in range(len(begin) - 1):
-        d = step[b]
+        given, per_s = step[b], 1.0 / half_s[b]
+        d[:] = given
+        for n in range(n_targets):
+            for i in range(3):
+                row = (3 * n + i) * powers
+                d[row] -= given[first_q + 3 + i]
+                for k in range(1, powers):
+                    speed = per_s * k * series[b, n, i, k]
+                    d[row + k - 1] += speed * given[first_q + 7]
+                    d[row + k] += speed * given[first_q + 8]
         for f in range(begin[b], begin[b + 1]):
-            row = kept[f]
-            if row[at + 6] == 0.0:
+            row_kept = kept[f]
+            if row_kept[at + 6] == 0.0:
                 continue
             u = time_u[f]
             for i in range(6):
-                right[i] = row[at + i]
+                right[i] = row_kept[at + i]
             for z in range(nz):
-                if z < nx:
-                    top = z * powers + powers - 1
-                    dz = d[top]
-                    for k in range(1, powers):
-                        dz = dz * u + d[top - k]
-                elif z - nx < 7:
-                    dz = d[first_q + z - nx]
-                else:
-                    place = first_q + 7 + 2 * (z - nx - 7)
-                    dz = d[place] + u * d[place + 1]
+                top = column[z] + wide[z] - 1
+                dz = d[top]
+                for k in range(1, wide[z]):
+                    dz = dz * u + d[top - k]
                 for i in range(6):
-                    right[i] += row[6 * z + i] * dz
+                    right[i] += row_kept[6 * z + i] * dz
             for i in range(5, -1, -1):
                 for k in range(i + 1, 6):
-                    right[i] -= row[at + 12 + (k * (k - 1)) // 2 + i] * right[k]
-                right[i] *= row[at + 6 + i]
+                    right[i] -= row_kept[at + 12 + (k * (k - 1)) // 2 + i] * right[k]
+                right[i] *= row_kept[at + 6 + i]
                 out[f, i] = -right[i]
     return out
 
@@ -468,14 +571,14 @@ def frame_steps(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, begin, camera, time_u, half_s, step,
 ):  # fmt: skip
-    """Twin of `elimination.frame_steps_plain`: du (F, 6)."""
+    """Twin of `elimination.frame_steps_plain` without place errors: du (F, 6)."""
     n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
     first_q = 3 * n_targets * powers
     out = np.zeros((len(own), 6))
     H, right = np.zeros((6, 6)), np.zeros(6)
-    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(8)
+    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(9)
     turned, left = np.zeros((3, 3)), np.zeros((3, 3))
-    error, place, spin, dq = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(9)
+    error, place, spin, dq, unmoved = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(9), np.zeros(2)
     for b in range(n_blocks):
         c = camera[b]
         still = True
@@ -506,8 +609,8 @@ def frame_steps(  # type: ignore[no-untyped-def]
                 if not seen[f, n]:
                     continue
                 _sight(
-                    series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], angular, kind, bend,
-                    Q, Jx, r,
+                    series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], unmoved, angular,
+                    kind, bend, Q, Jx, r,
                 )  # fmt: skip
                 if has_rate:
                     _pose_time(Q, Jx, r, spin, rate[f])
@@ -642,12 +745,12 @@ def warm() -> None:
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
     given = (
         eye, f((1, 3)), f((1, 6)), False, ray, gain, seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
-        f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)), begin, i, f(1), np.ones(1),
+        f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)),
     )  # fmt: skip
-    kept = f((1, 6 * 11 + 27))
-    normal, gradient, _, _ = block_normals(*given, True, kept)
-    frame_steps(*given, gradient)
-    kept_steps(kept, seen, False, begin, f(1), 1, gradient)
+    where, kept = (begin, i, f(1), np.ones(1)), f((1, 6 * 7 + 27))
+    normal, gradient, _, _ = block_normals(*given, f((0, 1, 2)), f((0, 1)), *where, True, kept)
+    frame_steps(*given, *where, gradient)
+    kept_steps(kept, seen, False, False, begin, f(1), np.ones(1), f((1, 1, 3, 1)), gradient)
     places = np.full((1, 15), -1)
     assemble(normal, gradient, np.ones((1, 1, 1, 1)), i, i, f((1, 11, 12)), places, 0, 0, 0)
     warm.done = True  # type: ignore[attr-defined]

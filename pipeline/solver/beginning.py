@@ -9,6 +9,7 @@ import numpy as np
 
 from calibration.arrays import Bools, Floats
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
+from pipeline.solver import dense
 from pipeline.solver.elimination import HUBER, NONE, Loss
 from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
@@ -111,7 +112,7 @@ def graduated(model: Model, state: State, descent: Descent, small: float = SMALL
     """
     wanted, done = model.loss, 0
     for _ in range(STAGES if wanted.kind != NONE else 0):
-        bend = FAR * float(np.median(residual_lengths(model, state)))
+        bend = FAR * median_length(model, state)
         if bend <= 1.5 * wanted.bend:
             break
         eased = replace(model, loss=Loss(kind=HUBER, bend=bend))
@@ -186,6 +187,11 @@ def left_out(whole: Frames, frames: Frames) -> tuple[Finding, ...]:
                 )
             )
     return tuple(out)
+
+
+def median_length(model: Model, state: State) -> float:
+    """Median length of the sightings' residuals, in sigmas."""
+    return dense.median_length(model, state) if dense.is_dense(model) else float(np.median(residual_lengths(model, state)))
 
 
 def residual_lengths(model: Model, state: State) -> Floats:

@@ -76,7 +76,7 @@ def partition(
 
 def shortened(begin: Ints) -> Ints:
     """The same cuts and further ones, so that no block is longer than LONGEST."""
-    if np.diff(begin).max() <= LONGEST:
+    if begin[-1] - begin[0] <= LONGEST or np.diff(begin).max() <= LONGEST:
         return begin
     cuts = [np.arange(low, high, LONGEST) for low, high in pairwise(begin)]
     return np.concatenate([*cuts, begin[-1:]])

@@ -71,6 +71,16 @@ def motion_step(model: Model, state: State, frames: Frames, rank: float) -> tupl
     return found[3], float(found[7])
 
 
+def median_length(model: Model, state: State) -> float:
+    """Median length of the sightings' residuals, in sigmas."""
+    frames, shape = model.frames, _shape(model)
+    compiled: Callable[..., float] = _descent.median_length
+    return compiled(
+        frames.cam_from_enu, frames.position_m, frames.ray, frames.gain, frames.seen, frames.angular,
+        model.pose.spread, frames.video_s, frames.camera, *shape[4:9], state.camera, state.coefficients, state.own,
+    )  # fmt: skip
+
+
 def _call(
     model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Loss, order_camera: Ints, size: int,
     precision: Floats, start: tuple[Floats, Floats, Floats], limit: int, small: float, first_damping: float,
@@ -96,11 +106,15 @@ def warm() -> None:
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
     shape = (f(1), i, begin, i, 0.0, 1.0, np.ones((1, 1, 1)), i, i, np.arange(3)[None])
     poses = (eye, f((1, 3)), NO_RATE, ray, gain, seen)
-    calls: tuple[Callable[..., Any], ...] = (_descent.across, _descent.descend)
+    calls: tuple[Callable[..., Any], ...] = (_descent.across, _descent.descend, _descent.median_length)
     calls[0](ray, seen)
     calls[1](
         *poses, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0, *shape, np.full((1, 10), -1), 3, f((1, 10)),
         f((1, 10)), f((1, 10)), f((1, 3)), f((1, 6)), 1, 1e-9, 1e-4, f(1), 0.0,
+    )  # fmt: skip
+    calls[2](
+        eye, f((1, 3)), ray, gain, seen, True, f((1, 6)), f(1), i, 0.0, 1.0, np.ones((1, 1, 1)), i, i, f((1, 10)),
+        f((1, 3)), f((1, 6)),
     )  # fmt: skip
     warm.done = True  # type: ignore[attr-defined]
 

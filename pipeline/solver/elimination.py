@@ -235,15 +235,21 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
 
 
 def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
-    """See the head of this file; compiled where numba is installed and the kernel knows the columns."""
-    if not _kernels.AVAILABLE or at.placed:
+    """See the head of this file; compiled where numba is installed."""
+    if not _kernels.AVAILABLE:
         return block_normals_plain(frames, pose, loss, at, blocks)
     compiled: Callable[..., Any] = _kernels.block_normals
-    columns = 3 * len(frames.targets) + (8 if frames.pose_rate is None else 9)
-    keep = pose.free and frames.count * (6 * columns + 27) <= KEPT_NUMBERS
-    kept = np.empty((frames.count if keep else 0, 6 * columns + 27))
-    normal, gradient, cost, gain = compiled(*_kernel_arguments(frames, pose, loss, at, blocks), keep, kept)
+    per_frame = kept_per_frame(len(frames.targets), frames.pose_rate is not None, _is_placed(frames, at))
+    keep = pose.free and frames.count * per_frame <= KEPT_NUMBERS
+    kept = np.empty((frames.count if keep else 0, per_frame))
+    given, where = _kernel_arguments(frames, pose, loss, at, blocks)
+    normal, gradient, cost, gain = compiled(*given, *_place_arguments(frames, at), *where, keep, kept)
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
+
+
+def kept_per_frame(targets: int, rated: bool, placed: bool) -> int:
+    """Numbers that `block_normals` keeps of every frame: see `_kernels.block_normals`."""
+    return 6 * (3 * targets + (5 if rated else 4) + (2 * targets if placed else 0)) + 27
 
 
 def frame_steps(
@@ -252,21 +258,44 @@ def frame_steps(
     """du (F, 6) that belongs to the local step (B, L); quicker from what `block_normals` `kept` at the same point."""
     if not pose.free:
         return np.zeros((frames.count, 6))
-    if not _kernels.AVAILABLE or at.placed:
+    placed = _is_placed(frames, at)
+    if not _kernels.AVAILABLE or (placed and kept is None):
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
     if kept is not None:
         quick: Callable[..., Floats] = _kernels.kept_steps
-        rated, powers = frames.pose_rate is not None, at.series.shape[-1]
-        return quick(kept, frames.seen, rated, blocks.begin, blocks.u, powers, step)
+        rated = frames.pose_rate is not None
+        return quick(kept, frames.seen, rated, placed, blocks.begin, blocks.u, blocks.half_s, at.series, step)
     compiled: Callable[..., Floats] = _kernels.frame_steps
-    return compiled(*_kernel_arguments(frames, pose, loss, at, blocks), step)
+    given, where = _kernel_arguments(frames, pose, loss, at, blocks)
+    return compiled(*given, *where, step)
 
 
-def _kernel_arguments(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> tuple[object, ...]:
+def _kernel_arguments(
+    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks
+) -> tuple[tuple[object, ...], tuple[object, ...]]:
+    """What is seen and the point; where the blocks are."""
     rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
-    return (
+    given = (
         frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None,
         frames.ray, frames.gain, frames.seen, frames.angular,
         pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
-        at.series, at.bias, at.focal, at.own, blocks.begin, blocks.camera, blocks.u, blocks.half_s,
+        at.series, at.bias, at.focal, at.own,
     )  # fmt: skip
+    return given, (blocks.begin, blocks.camera, blocks.u, blocks.half_s)
+
+
+def _is_placed(frames: Frames, at: At) -> bool:
+    return at.placed and frames.count > 0
+
+
+def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:
+    """Shifts of the residuals (F, N, 2) and what a pixel of place error is worth (F, N); no frames without places.
+
+    Metric residuals know no place errors: their columns are then zero.
+    """
+    n = len(frames.targets)
+    if not _is_placed(frames, at):
+        return np.zeros((0, n, 2)), np.zeros((0, n))
+    if not frames.angular:
+        return np.zeros((frames.count, n, 2)), frames.place_gain
+    return place_shift(frames, slice(None), at.camera), frames.place_gain

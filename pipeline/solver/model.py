@@ -76,7 +76,10 @@ class Model:
     def changed(self, **values: object) -> Model:
         """The same with other parts; the order of the unknowns is made anew."""
         other = replace(self, **values)  # type: ignore[arg-type]
-        return replace(other, order=order_unknowns(other))
+        order = order_unknowns(
+            other.basis, other.drift, other.priors, motion_free=other.motion_free, drift_free=other.drift_free
+        )
+        return replace(other, order=order)
 
 
 def build_model(
@@ -84,23 +87,20 @@ def build_model(
     motion_free: bool = True,
 ) -> Model:  # fmt: skip
     """A model with its unknowns in order."""
-    empty = np.empty((0, 0), dtype=np.int64)
-    nothing = Order(coefficient=empty, camera=empty, drift=empty, n_band=0, n_border=0, width=0)
-    return Model(frames=frames, basis=basis, drift=drift, pose=pose, loss=loss, priors=priors, order=nothing).changed(
-        motion_free=motion_free
-    )
+    return Model(
+        frames=frames, basis=basis, drift=drift, pose=pose, loss=loss, priors=priors, motion_free=motion_free,
+        order=order_unknowns(basis, drift, priors, motion_free=motion_free, drift_free=True),
+    )  # fmt: skip
 
 
-def order_unknowns(model: Model) -> Order:
+def order_unknowns(basis: MotionBasis, drift: Drift, priors: Priors, *, motion_free: bool, drift_free: bool) -> Order:
     """Spline coefficients of all targets by their time in the band; everything else in the border."""
-    basis, priors, motion_free = model.basis, model.priors, model.motion_free
     coefficient = np.full((basis.count, 3), -1, dtype=np.int64)
     when, rows = [], []
     n_border = 0
     for t in basis.targets:
-        own = np.arange(t.first, t.first + t.count)
         if t.kind == "spline":
-            rows.append(own)
+            rows.append(np.arange(t.first, t.first + t.count))
             when.append(np.array([t.knots_s[i + 1 : i + 1 + t.degree].mean() for i in range(t.count)]))
     band = np.concatenate(rows) if rows else np.empty(0, dtype=np.int64)
     n_band = 3 * len(band) if motion_free else 0
@@ -110,15 +110,16 @@ def order_unknowns(model: Model) -> Order:
             coefficient[ranked] = np.arange(n_band).reshape(-1, 3)
         for t in basis.targets:
             if t.kind == "polynomial":
-                places = n_band + n_border + np.arange(3 * t.count).reshape(3, t.count).T
-                coefficient[t.first : t.first + t.count] = places
+                for axis in range(3):
+                    begin = n_band + n_border + axis * t.count
+                    coefficient[t.first : t.first + t.count, axis] = range(begin, begin + t.count)
                 n_border += 3 * t.count
     camera = np.full(priors.camera_free.shape, -1, dtype=np.int64)
     free = int(priors.camera_free.sum())
     camera[priors.camera_free] = n_band + n_border + np.arange(free)
     n_border += free
-    knots = model.drift.count if model.drift_free else 0
-    drifts = np.full(model.drift.count, -1, dtype=np.int64)
+    knots = drift.count if drift_free else 0
+    drifts = np.full(drift.count, -1, dtype=np.int64)
     drifts[:knots] = n_band + n_border + np.arange(knots)
     return Order(
         coefficient=coefficient, camera=camera, drift=drifts, n_band=n_band, n_border=n_border + knots,

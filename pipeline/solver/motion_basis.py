@@ -146,22 +146,26 @@ def build_basis(
     start, end = float(ends_s[:, 0].min()), float(ends_s[:, 1].max())
     end = max(end, start + 1e-3)
     pieces = max(1, int(np.ceil((end - start) / spacing_s))) if "spline" in kinds else 1
-    grid = np.linspace(start, end, pieces + 1)
+    grid = np.linspace(start, end, pieces + 1) if pieces > 1 else np.array([start, end])
     greatest = max(SPLINE_DEGREE if kind == "spline" else order for kind, order in zip(kinds, orders, strict=True))
     targets: list[TargetBasis] = []
-    first = 0
+    first, whole_s = 0, np.array([start, end])
+    transforms = {k: _polynomial_transform(grid, start, end, k, greatest) for k in _polynomial_orders(kinds, orders)}
     for name, kind, order, (low_s, high_s) in zip(names, kinds, orders, ends_s, strict=True):
         if kind == "polynomial":
-            transform = _polynomial_transform(grid, start, end, order, greatest)
             target = TargetBasis(
-                target=name, kind=kind, degree=order, knots_s=np.array([start, end]), first=first, count=order + 1,
-                active=np.full(pieces, first, dtype=np.int64), transform=transform,
+                target=name, kind=kind, degree=order, knots_s=whole_s, first=first, count=order + 1,
+                active=np.full(pieces, first, dtype=np.int64), transform=transforms[order],
             )  # fmt: skip
         else:
             target = _spline_target(name, grid, float(low_s), float(high_s), first, greatest)
         targets.append(target)
         first += target.count
     return MotionBasis(grid_s=grid, degree=greatest, targets=tuple(targets))
+
+
+def _polynomial_orders(kinds: tuple[MotionKind, ...], orders: tuple[int, ...]) -> set[int]:
+    return {order for kind, order in zip(kinds, orders, strict=True) if kind == "polynomial"}
 
 
 def _spline_target(name: str, grid: Floats, low_s: float, high_s: float, first: int, greatest: int) -> TargetBasis:

@@ -35,6 +35,8 @@ FIRST_JERK = 10.0
 """m / s^2.5: a drone in brisk flight. The data's own strength is estimated later."""
 KNOTS_S = 0.3
 assert NONE == 0
+TIMED = ("li", "algorithm-1", "algorithm-2", "map")
+"""Methods that estimate clocks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,29 +87,36 @@ def parameters(problem: Problem) -> int:
 
 def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, Floats, Bools]:
     """Mean, precision and freedom (C, W) of the cameras' constant parameters for the method in force."""
-    shape = (len(problem.cameras), parameters(problem))
-    mean, sigma, free = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape, dtype=bool)
-    statistical = settings.method == "map"
-    timed = settings.method in ("li", "algorithm-1", "algorithm-2", "map")
-    for c, camera in enumerate(problem.cameras):
-        known = camera.sigma
+    width = parameters(problem)
+    rows = [_camera_prior(problem, settings, camera, width) for camera in problem.cameras]
+    mean, sigma, free = np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+    known = free & (sigma > 0) & (sigma < np.inf)
+    return mean, np.where(known, 1 / np.where(known, sigma, 1.0) ** 2, 0.0), free
+
+
+def _camera_prior(
+    problem: Problem, settings: SolverSettings, camera: CameraInput, width: int
+) -> tuple[list[float], list[float], list[bool]]:
+    """Mean, sigma and freedom (W,) of one camera's. Lists: small flights are solved in less than arrays take."""
+    mean, sigma, free = [0.0] * width, [np.inf] * width, [False] * width
+    known, statistical = camera.sigma, settings.method == "map"
+    if statistical:
+        sigma[ROT] = [known.attitude_bias_rad] * 3
+        sigma[POS] = [known.position_bias_m] * 3
+        sigma[FOCAL] = known.focal
+        sigma[START] = known.start_s if camera.poses_at is not None else 0.0
+        targets = (width - CAMERA_PARAMETERS) // PLACE_PARAMETERS
+        sigma[CAMERA_PARAMETERS:] = camera.rays.place_sigma_px * (2 * targets)
+        free = [s > 0 for s in sigma]
+        free[OFFSET] = free[SCALE] = False
+    if settings.method in TIMED and camera.camera != problem.reference_camera:
+        free[OFFSET] = known.offset_s is None or known.offset_s > 0
+        free[SCALE] = settings.refine_frame_rate and known.frame_rate > 0 and settings.method != "li"
         if statistical:
-            sigma[c, ROT], sigma[c, POS] = known.attitude_bias_rad, known.position_bias_m
-            sigma[c, FOCAL] = known.focal
-            sigma[c, START] = known.start_s if camera.poses_at is not None else 0.0
-            free[c, :7] = sigma[c, :7] > 0
-            free[c, START] = sigma[c, START] > 0
-            sigma[c, CAMERA_PARAMETERS:] = np.tile(camera.rays.place_sigma_px, (shape[1] - CAMERA_PARAMETERS) // 2)
-            free[c, CAMERA_PARAMETERS:] = sigma[c, CAMERA_PARAMETERS:] > 0
-        if timed and camera.camera != problem.reference_camera:
-            free[c, OFFSET] = known.offset_s is None or known.offset_s > 0
-            free[c, SCALE] = settings.refine_frame_rate and known.frame_rate > 0 and settings.method != "li"
-            if statistical:
-                sigma[c, SCALE] = known.frame_rate
-                if known.offset_s is not None and camera.offset_s is not None:
-                    sigma[c, OFFSET], mean[c, OFFSET] = known.offset_s, camera.offset_s
-    precision = np.where(free & np.isfinite(sigma) & (sigma > 0), 1 / np.where(sigma > 0, sigma, 1.0) ** 2, 0.0)
-    return mean, precision, free
+            sigma[SCALE] = known.frame_rate
+            if known.offset_s is not None and camera.offset_s is not None:
+                sigma[OFFSET], mean[OFFSET] = known.offset_s, camera.offset_s
+    return mean, sigma, free
 
 
 def first_camera(problem: Problem, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> Floats:
@@ -127,16 +136,15 @@ def given_offsets(problem: Problem) -> dict[str, float]:
 
 def sighted_ends_s(frames: Frames, time_s: Floats) -> Floats:
     """(N, 2) first and last common time at which each target was seen. Raises GeometryError where one never was."""
-    ends = []
-    for n, name in enumerate(frames.targets):
-        own = time_s[frames.seen[:, n]]
-        if len(own) == 0:
+    low = np.where(frames.seen, time_s[:, None], np.inf).min(axis=0)
+    high = np.where(frames.seen, time_s[:, None], -np.inf).max(axis=0)
+    for name, start_s in zip(frames.targets, low, strict=True):
+        if start_s == np.inf:
             raise GeometryError(
                 where=f"target {name}", seen="no sighting in any camera", expected="at least two sightings",
                 advice="leave the target out, or look at its tracks",
             )  # fmt: skip
-        ends.append((own.min(), own.max()))
-    return np.array(ends)
+    return np.stack([low, high], axis=1)
 
 
 def basis_at(frames: Frames, choice: MotionChoice, time_s: Floats) -> MotionBasis:
