@@ -17,97 +17,152 @@ import math
 import numpy as np
 
 from pipeline.compiled import compiled, inlined
-from pipeline.solver._kernels import _sight, _turn, assemble, block_normals, kept_steps
+from pipeline.solver._kernels import _sight, _turn, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2
 FIRST_DAMPING = 1e-4
 """Relative. A step damped by no more than this is as good as the full one when it says that nothing is to gain."""
-OFFSET, SCALE, START, FOCAL = 7, 8, 9, 6
+OFFSET, SCALE, START, FOCAL, PARAMETERS = 7, 8, 9, 6, 10
 
 
 @compiled
-def _places(order_coefficient, order_camera, first, degree, block_camera):  # type: ignore[no-untyped-def]
-    """Twin of `assembly.global_places` for one span and no drift."""
-    width = 0
+def _motion_places(order_coefficient, first, degree, powers):  # type: ignore[no-untyped-def]
+    """The global place of every local unknown of the motion: one span, so that powers are coefficients; -1: none."""
+    out = np.full(3 * len(first) * powers, -1)
     for n in range(len(first)):
-        width += 3 * (degree[n] + 1)
-    out = np.full((len(block_camera), width + 12), -1)
-    for b in range(len(block_camera)):
-        column = 0
-        for n in range(len(first)):
-            for axis in range(3):
-                for a in range(degree[n] + 1):
-                    out[b, column] = order_coefficient[first[n] + a, axis]
-                    column += 1
-        for p in range(10):
-            out[b, column + p] = order_camera[block_camera[b], p]
+        for axis in range(3):
+            for k in range(degree[n] + 1):
+                out[(3 * n + axis) * powers + k] = order_coefficient[first[n] + k, axis]
     return out
 
 
 @compiled
-def _where(video_s, frame_camera, camera, begin, block_camera, mid_s, half_s, u, local):  # type: ignore[no-untyped-def]
-    """Times u (F,) inside the span, and the chain rule `local` (B, 11, 12), at the clocks of `camera` (C, W)."""
+def _where(  # type: ignore[no-untyped-def]
+    video_s, frame_camera, camera, begin, block_camera, mid_s, half_s, share, share_per_s, u, local
+):
+    """Times u (F,) inside the span, and the chain rule `local` (B, 11 [+ 4 N], W), at the clocks of `camera` (C, W)."""
     for f in range(len(video_s)):
         c = frame_camera[f]
         u[f] = (video_s[f] * (1.0 + camera[c, SCALE]) + camera[c, OFFSET] - mid_s) / half_s
     local[:] = 0.0
     for b in range(len(block_camera)):
-        slope = half_s / (1.0 + camera[block_camera[b], SCALE])
-        middle = video_s[begin[b]] - u[begin[b]] * slope
+        c, f = block_camera[b], begin[b]
+        slope = half_s / (1.0 + camera[c, SCALE])
+        middle = video_s[f] - u[f] * slope
         for i in range(FOCAL + 1):
             local[b, i, i] = 1.0
         local[b, 7, OFFSET] = local[b, 9, START] = 1.0
         local[b, 7, SCALE] = local[b, 9, SCALE] = middle
         local[b, 8, SCALE] = local[b, 10, SCALE] = slope
+        share_slope = slope * share_per_s[c]
+        for i in range(PARAMETERS, local.shape[1] - 1, 2):
+            local[b, i + 1, i] = 1.0
+            local[b, i + 1, i + 1] = share[f] - u[f] * share_slope
+            local[b, i + 2, i + 1] = share_slope
 
 
 @compiled
-def _series(coefficients, transform, first, degree, out):  # type: ignore[no-untyped-def]
+def _shifts(camera, frame_camera, place_gain, share, shift):  # type: ignore[no-untyped-def]
+    """Twin of `residuals.place_shift` into `shift` (F, N, 2), which has no frames where there are no place errors."""
+    for f in range(len(shift)):
+        c = frame_camera[f]
+        for n in range(shift.shape[1]):
+            for axis in range(2):
+                p = PARAMETERS + 4 * n + 2 * axis
+                shift[f, n, axis] = place_gain[f, n] * (camera[c, p] + share[f] * camera[c, p + 1])
+
+
+@compiled
+def _series(coefficients, first, degree, out):  # type: ignore[no-untyped-def]
     """Power series `out` (B, N, 3, K + 1) of all targets, the same in every block."""
+    out[:] = 0.0
     for n in range(len(first)):
         for axis in range(3):
-            for k in range(out.shape[3]):
-                s = 0.0
-                for a in range(degree[n] + 1):
-                    s += transform[n, k, a] * coefficients[first[n] + a, axis]
+            for k in range(degree[n] + 1):
                 for b in range(len(out)):
-                    out[b, n, axis, k] = s
+                    out[b, n, axis, k] = coefficients[first[n] + k, axis]
 
 
 @compiled
-def _factor(corner, amount, lower):  # type: ignore[no-untyped-def]
-    """Cholesky of corner + diag(amount) into `lower`; the smallest squared pivot, zero where there is none."""
-    smallest = np.inf
-    for i in range(len(corner)):
+def _fold(normal, gradient, motion, local, block_camera, order_camera, size):  # type: ignore[no-untyped-def]
+    """Twin of `assembly.assemble` without a band: the lower half of the corner (q, q), and the gradient (q,)."""
+    corner, right = np.zeros((size, size)), np.zeros(size)
+    moved, many = len(motion), local.shape[1]
+    column = np.zeros(normal.shape[2])
+    for b in range(len(block_camera)):
+        N, g, L = normal[b], gradient[b], local[b]
+        for i in range(moved):
+            row = motion[i]
+            if row >= 0:
+                right[row] += g[i]
+                for j in range(i + 1):
+                    if motion[j] >= 0:
+                        corner[row, motion[j]] += N[i, j]
+        for p in range(local.shape[2]):
+            row = order_camera[block_camera[b], p]
+            if row < 0:
+                continue
+            column[:] = 0.0
+            for q in range(many):
+                t = L[q, p]
+                if t != 0.0:
+                    right[row] += t * g[moved + q]
+                    for j in range(len(column)):
+                        column[j] += t * N[moved + q, j]
+            for j in range(moved):
+                if motion[j] >= 0:
+                    corner[row, motion[j]] += column[j]
+            for other in range(p + 1):
+                at = order_camera[block_camera[b], other]
+                if at >= 0:
+                    s = 0.0
+                    for q in range(many):
+                        s += column[moved + q] * L[q, other]
+                    corner[row, at] += s
+    return corner, right
+
+
+@compiled
+def _factor(corner, amount, upper):  # type: ignore[no-untyped-def]
+    """U with U'U = corner + diag(amount) into `upper`, its diagonal inverted; the smallest squared pivot, or zero.
+
+    Reads the lower half of `corner`.
+    """
+    n, smallest = len(corner), np.inf
+    for i in range(n):
         for j in range(i + 1):
-            s = corner[i, j]
-            for k in range(j):
-                s -= lower[i, k] * lower[j, k]
-            if j < i:
-                lower[i, j] = s * lower[j, j]
-            else:
-                s += amount[i]
-                if not s > 0.0:
-                    return 0.0
-                smallest = min(smallest, s)
-                lower[i, i] = 1.0 / math.sqrt(s)
+            upper[j, i] = corner[i, j]
+        upper[i, i] += amount[i]
+    for k in range(n):
+        if not upper[k, k] > 0.0:
+            return 0.0
+        smallest = min(smallest, upper[k, k])
+        inverse = 1.0 / math.sqrt(upper[k, k])
+        upper[k, k] = inverse
+        for j in range(k + 1, n):
+            upper[k, j] *= inverse
+        for i in range(k + 1, n):
+            t = upper[k, i]
+            for j in range(i, n):
+                upper[i, j] -= t * upper[k, j]
     return smallest
 
 
 @compiled
-def _solved(lower, right, out):  # type: ignore[no-untyped-def]
-    """out = - (L L')^-1 right; the diagonal of `lower` holds its inverse."""
+def _solved(upper, right, out):  # type: ignore[no-untyped-def]
+    """out = - (U'U)^-1 right; the diagonal of `upper` holds its inverse."""
     n = len(right)
     for i in range(n):
-        s = -right[i]
-        for k in range(i):
-            s -= lower[i, k] * out[k]
-        out[i] = s * lower[i, i]
-    for i in range(n - 1, -1, -1):
-        s = out[i] * lower[i, i]
-        out[i] = s
-        for k in range(i):
-            out[k] -= lower[i, k] * s
+        out[i] = -right[i]
+    for k in range(n):
+        out[k] *= upper[k, k]
+        for j in range(k + 1, n):
+            out[j] -= upper[k, j] * out[k]
+    for k in range(n - 1, -1, -1):
+        s = out[k]
+        for j in range(k + 1, n):
+            s -= upper[k, j] * out[j]
+        out[k] = s * upper[k, k]
 
 
 @inlined
@@ -149,7 +204,7 @@ def across(ray, seen):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _motion_step(corner, right, order_coefficient, rank, lower, step, coefficients):  # type: ignore[no-untyped-def]
+def _motion_step(corner, right, order_coefficient, rank, upper, step, coefficients):  # type: ignore[no-untyped-def]
     """Moves `coefficients` to the solution; returns the smallest pivot, -1 where one is touched by nothing."""
     size = len(right)
     scale = np.zeros(size)
@@ -159,11 +214,11 @@ def _motion_step(corner, right, order_coefficient, rank, lower, step, coefficien
         scale[i] = 1.0 / math.sqrt(corner[i, i])
     for i in range(size):
         right[i] *= scale[i]
-        for j in range(size):
+        for j in range(i + 1):
             corner[i, j] *= scale[i] * scale[j]
-    pivot = _factor(corner, np.full(size, rank), lower)
+    pivot = _factor(corner, np.full(size, rank), upper)
     if pivot > 0.0:
-        _solved(lower, right, step)
+        _solved(upper, right, step)
         for i in range(len(coefficients)):
             for axis in range(3):
                 at = order_coefficient[i, axis]
@@ -174,49 +229,52 @@ def _motion_step(corner, right, order_coefficient, rank, lower, step, coefficien
 @compiled
 def descend(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
-    frame_camera, begin, block_camera, mid_s, half_s, transform, first, degree, order_coefficient, order_camera, size,
-    mean, precision, first_camera, first_coefficients, first_own, limit, small, first_damping, history,
-    rank,
+    frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
+    order_coefficient, order_camera, size, mean, precision, first_camera, first_coefficients, first_own, limit, small,
+    first_damping, history, rank,
 ):  # fmt: skip
     """Twin of `levenberg.levenberg_marquardt`: (status, iterations), the point, and the linear system there.
 
+    place_gain (F, N) has no frames where there are no place errors.
     history (limit,) takes the better cost of every iteration. With `rank` above zero: instead one linear step of the
     motion alone (twin of `intersection._motion_step`), with the smallest pivot in place of the cost.
     """
     frames, blocks, targets = len(video_s), len(block_camera), len(first)
-    powers = transform.shape[1]
     keep = no
     for c in range(len(spread)):
         for i in range(6):
             keep = keep or spread[c, i] != 0.0
-    wide = 6 * (3 * targets + 4) + 27
-    nothing, no_gain = np.zeros((0, targets, 2)), np.zeros((0, targets))
+    placed = len(place_gain) > 0
+    wide = 6 * (3 * targets + 4 + (2 * targets if placed else 0)) + 27
+    many = 11 + (4 * targets if placed else 0)
     kept, kept_there = np.empty((frames if keep else 0, wide)), np.empty((frames if keep else 0, wide))
-    u, u_there, local = np.zeros(frames), np.zeros(frames), np.zeros((blocks, 11, 12))
-    local_there = local.copy()
+    shift, u = np.zeros((len(place_gain), targets, 2)), np.zeros(frames)
+    local = np.zeros((blocks, many, first_camera.shape[1]))
+    u_there, local_there = u.copy(), local.copy()
     series = np.zeros((blocks, targets, 3, powers))
     series_there = series.copy()
-    half, span = np.full(blocks, half_s), np.zeros(blocks, np.int64)
-    places = _places(order_coefficient, order_camera, first, degree, block_camera)
-    transforms = transform.reshape((1, *transform.shape))
+    half = np.full(blocks, half_s)
+    motion = _motion_places(order_coefficient, first, degree, powers)
     camera, coefficients, own = first_camera.copy(), first_coefficients.copy(), first_own.copy()
     camera_there, coefficients_there = camera.copy(), coefficients.copy()
-    amount, step, lower = np.zeros(size), np.zeros(size), np.zeros((size, size))
-    local_size = 3 * targets * powers + 11
-    moved = np.zeros((blocks, local_size))
+    amount, step, upper = np.zeros(size), np.zeros(size), np.zeros((size, size))
+    moved = np.zeros((blocks, len(motion) + many))
     damping, growth = first_damping, 2.0
 
-    _where(video_s, frame_camera, camera, begin, block_camera, mid_s, half_s, u, local)
-    _series(coefficients, transform, first, degree, series)
+    _where(
+        video_s, frame_camera, camera, begin, block_camera, mid_s, half_s, share, share_per_s, u, local
+    )  # fmt: skip
+    _series(coefficients, first, degree, series)
+    _shifts(camera, frame_camera, place_gain, share, shift)
     normal, gradient, cost, frame_gain = block_normals(
         cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
-        series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, nothing, no_gain, begin, block_camera, u, half,
+        series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, shift, place_gain, begin, block_camera, u, half,
         keep, kept,
     )  # fmt: skip
-    _, _, corner, right = assemble(normal, gradient, transforms, degree, span, local, places, 0, size, 0)
+    corner, right = _fold(normal, gradient, motion, local, block_camera, order_camera, size)
     cost += _with_priors(camera, mean, precision, order_camera, corner, right)
     if rank > 0.0:
-        pivot = _motion_step(corner, right, order_coefficient, rank, lower, step, coefficients)
+        pivot = _motion_step(corner, right, order_coefficient, rank, upper, step, coefficients)
         return CONVERGED, 1, camera, coefficients, own, corner, right, pivot, 0.0
     status, iteration = LIMIT, limit
     for count in range(1, limit + 1):
@@ -226,8 +284,8 @@ def descend(  # type: ignore[no-untyped-def]
         for i in range(size):
             amount[i] = damping * max(corner[i, i], 1e-12 * max(1e-300, greatest))
         history[count - 1] = cost
-        if _factor(corner, amount, lower) > 0.0:
-            _solved(lower, right, step)
+        if _factor(corner, amount, upper) > 0.0:
+            _solved(upper, right, step)
             foretold = frame_gain
             for i in range(size):
                 foretold += 0.5 * step[i] * (amount[i] * step[i] - right[i])
@@ -245,18 +303,20 @@ def descend(  # type: ignore[no-untyped-def]
                     camera_there[c, p] = camera[c, p] + (step[at] if at >= 0 else 0.0)
             own_there = own
             if keep:
-                _local_steps(step, places, transform, degree, local, moved)
-                own_there = own + kept_steps(kept, seen, no, no, begin, u, half, series, moved)
-            _where(video_s, frame_camera, camera_there, begin, block_camera, mid_s, half_s, u_there, local_there)
-            _series(coefficients_there, transform, first, degree, series_there)
+                _local_steps(step, motion, local, block_camera, order_camera, moved)
+                own_there = own + kept_steps(kept, seen, no, placed, begin, u, half, series, moved)
+            _where(
+                video_s, frame_camera, camera_there, begin, block_camera, mid_s, half_s, share, share_per_s, u_there,
+                local_there,
+            )  # fmt: skip
+            _series(coefficients_there, first, degree, series_there)
+            _shifts(camera_there, frame_camera, place_gain, share, shift)
             normal, gradient, cost_there, gain_there = block_normals(
                 cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
-                series_there, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, nothing, no_gain,
+                series_there, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, shift, place_gain,
                 begin, block_camera, u_there, half, keep, kept_there,
             )  # fmt: skip
-            _, _, corner_there, right_there = assemble(
-                normal, gradient, transforms, degree, span, local_there, places, 0, size, 0
-            )
+            corner_there, right_there = _fold(normal, gradient, motion, local_there, block_camera, order_camera, size)
             cost_there += _with_priors(camera_there, mean, precision, order_camera, corner_there, right_there)
             ratio = (cost - cost_there) / max(foretold, 1e-300)
             if math.isfinite(cost_there) and ratio > 0.0:
@@ -282,18 +342,23 @@ def descend(  # type: ignore[no-untyped-def]
         if damping > 1e12:
             status, iteration = STALLED, count
             break
+    for i in range(size):
+        for j in range(i):
+            corner[j, i] = corner[i, j]
     return status, iteration, camera, coefficients, own, corner, right, cost, frame_gain
 
 
 @compiled
 def median_length(  # type: ignore[no-untyped-def]
-    cam_from_enu, position, ray, gain, seen, angular, spread, video_s, frame_camera, mid_s, half_s, transform, first,
-    degree, camera, coefficients, own,
+    cam_from_enu, position, ray, gain, seen, angular, spread, video_s, frame_camera, place_gain, share, mid_s, half_s,
+    first, degree, powers, camera, coefficients, own,
 ):  # fmt: skip
-    """Twin of the median of `beginning.residual_lengths`."""
-    series = np.zeros((1, len(first), 3, transform.shape[1]))
-    _series(coefficients, transform, first, degree, series)
-    Q, Jx, r, unmoved = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(9), np.zeros(2)
+    """Median length of the residuals, in sigmas."""
+    series = np.zeros((1, len(first), 3, powers))
+    _series(coefficients, first, degree, series)
+    shift, none = np.zeros((len(place_gain), len(first), 2)), np.zeros(2)
+    _shifts(camera, frame_camera, place_gain, share, shift)
+    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(9)
     turned, left, error, place = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(6), np.zeros(3)
     lengths = np.empty(seen.size)
     count = 0
@@ -309,7 +374,7 @@ def median_length(  # type: ignore[no-untyped-def]
             if seen[f, n]:
                 _sight(
                     series[0], n, u, 1.0, turned, left, place, math.exp(camera[c, FOCAL]), gain[f, n], ray[f, n],
-                    unmoved, angular, 0, 1.0, Q, Jx, r,
+                    shift[f, n] if len(shift) else none, angular, 0, 1.0, Q, Jx, r,
                 )  # fmt: skip
                 lengths[count] = math.sqrt(r[0] * r[0] + r[1] * r[1])
                 count += 1
@@ -317,27 +382,48 @@ def median_length(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _local_steps(step, places, transform, degree, local, out):  # type: ignore[no-untyped-def]
+def graduated(  # type: ignore[no-untyped-def]
+    cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
+    frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
+    order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, limit, small, first_damping,
+    history, stages, short, coarse, far,
+):  # fmt: skip
+    """Twin of `beginning.graduated_plain`: `descend` with the stages before it; history (stages short + limit,)."""
+    done = 0
+    for _ in range(stages if kind != 0 else 0):
+        late = far * median_length(
+            cam_from_enu, position, ray, gain, seen, angular, spread, video_s, frame_camera, place_gain, share, mid_s,
+            half_s, first, degree, powers, camera, coefficients, own,
+        )  # fmt: skip
+        if late <= 1.5 * bend:
+            break
+        _, count, camera, coefficients, own, _, _, _, _ = descend(
+            cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, 1, late, video_s,
+            frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
+            order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, short, coarse,
+            first_damping, history[done:], 0.0,
+        )  # fmt: skip
+        done += count
+    status, count, camera, coefficients, own, corner, right, cost, frame_gain = descend(
+        cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
+        frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
+        order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, max(1, limit - done), small,
+        first_damping, history[done:], 0.0,
+    )  # fmt: skip
+    return status, done + count, camera, coefficients, own, corner, right, cost, frame_gain
+
+
+@compiled
+def _local_steps(step, motion, local, block_camera, order_camera, out):  # type: ignore[no-untyped-def]
     """Twin of `assembly.local_step`: the step of the local unknowns of every block into `out` (B, L)."""
-    powers, targets = transform.shape[1], len(degree)
-    first_q = 3 * targets * powers
-    for b in range(len(places)):
-        column = 0
-        for n in range(targets):
-            for axis in range(3):
-                row = (3 * n + axis) * powers
-                for k in range(powers):
-                    s = 0.0
-                    for a in range(degree[n] + 1):
-                        at = places[b, column + a]
-                        if at >= 0:
-                            s += transform[n, k, a] * step[at]
-                    out[b, row + k] = s
-                column += degree[n] + 1
-        for q in range(11):
+    moved = len(motion)
+    for b in range(len(block_camera)):
+        for i in range(moved):
+            out[b, i] = step[motion[i]] if motion[i] >= 0 else 0.0
+        for q in range(local.shape[1]):
             s = 0.0
-            for p in range(12):
-                at = places[b, column + p]
+            for p in range(local.shape[2]):
+                at = order_camera[block_camera[b], p]
                 if at >= 0:
                     s += local[b, q, p] * step[at]
-            out[b, first_q + q] = s
+            out[b, moved + q] = s

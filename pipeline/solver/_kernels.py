@@ -3,8 +3,8 @@
 Callers check shapes; tests hold every function equal to its twin. Without numba `AVAILABLE` is false and the twins
 are used. Compiled code is cached beside this file, so only the first call ever compiles.
 
-One frame at a time is linearised; then up to LANES frames are eliminated together, the innermost loop always running
-over frames that lie side by side in memory, which the compiler turns into vector instructions. That width is
+Up to LANES frames are linearised and eliminated together, the innermost loop always running over frames that lie side
+by side in memory and writing one row, which the compiler turns into vector instructions. That width is
 the longest block's where this is shorter, so that few lanes are empty.
 """
 
@@ -129,6 +129,194 @@ def _spin(turned, measured, rate, spin):  # type: ignore[no-untyped-def]
     b2 = measured[0, 2] * rate[0] + measured[1, 2] * rate[1] + measured[2, 2] * rate[2]
     for i in range(3):
         spin[i] = turned[i, 0] * b0 + turned[i, 1] * b1 + turned[i, 2] * b2
+
+
+@compiled
+def _turns(error, measured, turned, left, work):  # type: ignore[no-untyped-def]
+    """`_turn` of all lanes: error (6, w); measured, turned and left (9, w); work (13, w)."""
+    x, y, z, square, s, a, b, e = error[0], error[1], error[2], work[9], work[10], work[11], work[12], work
+    width, largest = len(square), 0.0
+    for i in range(width):
+        square[i] = x[i] * x[i] + y[i] * y[i] + z[i] * z[i]
+        largest = max(largest, square[i])
+    for i in range(width):
+        q = square[i]
+        s[i] = 1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q / 362880)))
+    for i in range(width):
+        q = square[i]
+        a[i] = 0.5 + q * (-1 / 24 + q * (1 / 720 + q * (-1 / 40320 + q / 3628800)))
+    for i in range(width):
+        q = square[i]
+        b[i] = 1 / 6 + q * (-1 / 120 + q * (1 / 5040 + q * (-1 / 362880 + q / 39916800)))
+    if largest >= 1e-2:
+        for i in range(width):
+            if square[i] >= 1e-2:
+                angle = math.sqrt(square[i])
+                s[i] = math.sin(angle) / angle
+                a[i] = (1.0 - math.cos(angle)) / square[i]
+                b[i] = (1.0 - s[i]) / square[i]
+    for i in range(width):
+        e[0, i] = 1.0 - a[i] * (y[i] * y[i] + z[i] * z[i])
+    for i in range(width):
+        e[4, i] = 1.0 - a[i] * (x[i] * x[i] + z[i] * z[i])
+    for i in range(width):
+        e[8, i] = 1.0 - a[i] * (x[i] * x[i] + y[i] * y[i])
+    for i in range(width):
+        e[1, i] = a[i] * x[i] * y[i] - s[i] * z[i]
+    for i in range(width):
+        e[3, i] = a[i] * x[i] * y[i] + s[i] * z[i]
+    for i in range(width):
+        e[2, i] = a[i] * x[i] * z[i] + s[i] * y[i]
+    for i in range(width):
+        e[6, i] = a[i] * x[i] * z[i] - s[i] * y[i]
+    for i in range(width):
+        e[5, i] = a[i] * y[i] * z[i] - s[i] * x[i]
+    for i in range(width):
+        e[7, i] = a[i] * y[i] * z[i] + s[i] * x[i]
+    for row in range(3):
+        for column in range(3):
+            for i in range(width):
+                turned[3 * row + column, i] = (
+                    e[3 * row, i] * measured[column, i]
+                    + e[3 * row + 1, i] * measured[3 + column, i]
+                    + e[3 * row + 2, i] * measured[6 + column, i]
+                )
+    for i in range(width):
+        left[0, i] = 1.0 - b[i] * (y[i] * y[i] + z[i] * z[i])
+    for i in range(width):
+        left[4, i] = 1.0 - b[i] * (x[i] * x[i] + z[i] * z[i])
+    for i in range(width):
+        left[8, i] = 1.0 - b[i] * (x[i] * x[i] + y[i] * y[i])
+    for i in range(width):
+        left[1, i] = b[i] * x[i] * y[i] - a[i] * z[i]
+    for i in range(width):
+        left[3, i] = b[i] * x[i] * y[i] + a[i] * z[i]
+    for i in range(width):
+        left[2, i] = b[i] * x[i] * z[i] + a[i] * y[i]
+    for i in range(width):
+        left[6, i] = b[i] * x[i] * z[i] - a[i] * y[i]
+    for i in range(width):
+        left[5, i] = b[i] * y[i] * z[i] - a[i] * x[i]
+    for i in range(width):
+        left[7, i] = b[i] * y[i] * z[i] + a[i] * x[i]
+
+
+@compiled
+def _spins(turned, measured, rate, work, spin):  # type: ignore[no-untyped-def]
+    """`_spin` of all lanes: rate (6, w), spin (3, w), work (3, w)."""
+    for j in range(3):
+        for i in range(len(spin[0])):
+            work[j, i] = measured[j, i] * rate[0, i] + measured[3 + j, i] * rate[1, i] + measured[6 + j, i] * rate[2, i]
+    for j in range(3):
+        for i in range(len(spin[0])):
+            spin[j, i] = (
+                turned[3 * j, i] * work[0, i] + turned[3 * j + 1, i] * work[1, i] + turned[3 * j + 2, i] * work[2, i]
+            )
+
+
+@compiled
+def _robust(square, kind, bend, root):  # type: ignore[no-untyped-def]
+    """The root (w,) of the robust weights of squared lengths; returns half of rho, summed."""
+    cost = 0.0
+    if kind == 1:
+        for i in range(len(root)):
+            length = math.sqrt(max(square[i], bend * bend))
+            root[i] = math.sqrt(bend / length)
+            outside = square[i] > bend * bend
+            cost += 0.5 * (2.0 * bend * length - bend * bend if outside else square[i])
+    elif kind == 2:
+        for i in range(len(root)):
+            over = 1.0 + square[i] / (bend * bend)
+            root[i] = math.sqrt(1.0 / over)
+            cost += 0.5 * bend * bend * math.log(over)
+    else:
+        for i in range(len(root)):
+            root[i] = 1.0
+            cost += 0.5 * square[i]
+    return cost
+
+
+@compiled
+def _sights(  # type: ignore[no-untyped-def]
+    series, u, turned, left, place, stretch, gain, ray, shift, angular, kind, bend, has_rate, spin, rate, JQ, R, root,
+    work,
+):  # fmt: skip
+    """`_sight` and `_pose_time` of one target in all lanes: JQ (2, 8, w), R (2, w), root (w,); returns half of rho.
+
+    series (3, K + 1), place (3, w), gain (6, w), ray (3, w), shift (2, w), spin (3, w), rate (6, w), work (18, w). An
+    unseen target has gain and shift zero.
+    """
+    width, top = len(u), series.shape[1] - 1
+    away, y, inverse, square, c = work[:3], work[3:6], work[6], work[7], work[8:14]
+    for i in range(3):
+        for w in range(width):
+            away[i, w] = series[i, top]
+        for k in range(top - 1, -1, -1):
+            for w in range(width):
+                away[i, w] = away[i, w] * u[w] + series[i, k]
+        for w in range(width):
+            away[i, w] -= place[i, w]
+    for i in range(3):
+        for w in range(width):
+            y[i, w] = (
+                turned[3 * i, w] * away[0, w] + turned[3 * i + 1, w] * away[1, w] + turned[3 * i + 2, w] * away[2, w]
+            )
+    seen = work[14:16]
+    for i in range(2):
+        for w in range(width):
+            seen[i, w] = y[i, w] * stretch
+    if angular:
+        for w in range(width):
+            along = ray[0, w] * seen[0, w] + ray[1, w] * seen[1, w] + ray[2, w] * y[2, w]
+            length = math.sqrt(seen[0, w] * seen[0, w] + seen[1, w] * seen[1, w] + y[2, w] * y[2, w])
+            inverse[w] = 1.0 / max(along, max(NEAREST_COSINE * length, 1e-9))
+    else:
+        for w in range(width):
+            inverse[w] = 1.0
+    back = work[16:18]
+    for i in range(2):
+        for w in range(width):
+            back[i, w] = (
+                gain[3 * i, w] * seen[0, w] + gain[3 * i + 1, w] * seen[1, w] + gain[3 * i + 2, w] * y[2, w]
+            ) * inverse[w]
+        for w in range(width):
+            R[i, w] = back[i, w] + shift[i, w]
+    for w in range(width):
+        square[w] = R[0, w] * R[0, w] + R[1, w] * R[1, w]
+    cost = _robust(square, kind, bend, root)
+    for w in range(width):
+        inverse[w] *= root[w]
+    for i in range(2):
+        for w in range(width):
+            R[i, w] *= root[w]
+        g, J = c[3:], JQ[i]
+        for k in range(3):
+            wide = stretch if k < 2 else 1.0
+            if angular:
+                for w in range(width):
+                    g[k, w] = (gain[3 * i + k, w] - back[i, w] * ray[k, w]) * inverse[w] * wide
+            else:
+                for w in range(width):
+                    g[k, w] = gain[3 * i + k, w] * inverse[w] * wide
+        for k in range(3):
+            for w in range(width):
+                J[3 + k, w] = -(g[0, w] * turned[k, w] + g[1, w] * turned[3 + k, w] + g[2, w] * turned[6 + k, w])
+        for k in range(3):
+            p, q = (k + 1) % 3, (k + 2) % 3
+            for w in range(width):
+                c[k, w] = y[p, w] * g[q, w] - y[q, w] * g[p, w]
+        for k in range(3):
+            for w in range(width):
+                J[k, w] = c[0, w] * left[k, w] + c[1, w] * left[3 + k, w] + c[2, w] * left[6 + k, w]
+        for w in range(width):
+            J[6, w] = g[0, w] * y[0, w] + g[1, w] * y[1, w]
+        if has_rate:
+            for w in range(width):
+                J[7, w] = c[0, w] * spin[0, w] + c[1, w] * spin[1, w] + c[2, w] * spin[2, w]
+            for k in range(3):
+                for w in range(width):
+                    J[7, w] += J[3 + k, w] * rate[3 + k, w]
+    return cost
 
 
 @compiled
@@ -280,9 +468,10 @@ def block_normals(  # type: ignore[no-untyped-def]
     mine = np.zeros((6, width))
     pw = np.zeros((nk, width))
     m = np.zeros(width)
-    Q, Jx, r = np.zeros((2, 9)), np.zeros((2, 3)), np.zeros(9)
-    turned, left = np.zeros((3, 3)), np.zeros((3, 3))
-    error, place, spin, moved = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(2)
+    measured, turned, left, error = np.zeros((9, width)), np.zeros((9, width)), np.zeros((9, width)), mine.copy()
+    place, spin, rate_at, root = np.zeros((3, width)), np.zeros((3, width)), np.zeros((6, width)), np.zeros(width)
+    gain_at, ray_at = np.zeros((n_targets, 6, width)), np.zeros((n_targets, 3, width))
+    shift_at, worth, work = np.zeros((n_targets, 2, width)), np.zeros((n_targets, width)), np.zeros((18, width))
     moment = np.zeros(nk)
     cost = frame_gain = 0.0
     for b in range(n_blocks):
@@ -295,50 +484,58 @@ def block_normals(  # type: ignore[no-untyped-def]
         N, g = normal[b], gradient[b]
         for low in range(begin[b], begin[b + 1], width):
             lanes = min(width, begin[b + 1] - low)
-            # --- linearise frame by frame; lanes without a frame are zero
+            # --- linearise; lanes without a frame have no gain
             if lanes < width:
-                JQ[:, :, lanes:] = 0.0
-                R[:, lanes:] = 0.0
-                PG[:, lanes:] = 0.0
+                gain_at[:, :, lanes:] = 0.0
+                shift_at[:, :, lanes:] = 0.0
+                worth[:, lanes:] = 0.0
                 pw[:, lanes:] = 0.0
                 mine[:, lanes:] = 0.0
             for lane in range(lanes):
                 f = low + lane
-                u = time_u[f]
-                pw[0, lane] = 1.0
-                for k in range(1, nk):
-                    pw[k, lane] = pw[k - 1, lane] * u
+                pw[0, lane], pw[1, lane] = 1.0, time_u[f]
                 for i in range(6):
-                    own_i = own[f, i]
-                    mine[i, lane] = own_i
-                    cost += 0.5 * prior[c, i] * own_i * own_i
-                    error[i] = bias[c, i] + spread[c, i] * own_i
+                    mine[i, lane] = own[f, i]
                 for i in range(3):
-                    place[i] = position[f, i] + error[3 + i]
-                _turn(error, cam_from_enu[f], turned, left)
+                    place[i, lane] = position[f, i]
+                    for j in range(3):
+                        measured[3 * i + j, lane] = cam_from_enu[f, i, j]
                 if has_rate:
-                    _spin(turned, cam_from_enu[f], rate[f], spin)
+                    for i in range(6):
+                        rate_at[i, lane] = rate[f, i]
                 for n in range(n_targets):
-                    x = 2 * n
-                    if not seen[f, n]:
-                        for i in range(nq):
-                            JQ[x, i, lane] = JQ[x + 1, i, lane] = 0.0
-                        R[x, lane] = R[x + 1, lane] = PG[n, lane] = 0.0
-                        continue
-                    if placed:
-                        moved[0], moved[1] = shift[f, n, 0], shift[f, n, 1]
-                    cost += _sight(
-                        series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], moved, angular,
-                        kind, bend, Q, Jx, r,
-                    )  # fmt: skip
-                    if has_rate:
-                        _pose_time(Q, Jx, r, spin, rate[f])
-                        JQ[x, 7, lane], JQ[x + 1, 7, lane] = Q[0, 8], Q[1, 8]
-                    if placed:
-                        PG[n, lane] = place_gain[f, n] * r[8]
-                    R[x, lane], R[x + 1, lane] = r[0], r[1]
-                    for i in range(7):
-                        JQ[x, i, lane], JQ[x + 1, i, lane] = Q[0, i], Q[1, i]
+                    for i in range(3):
+                        ray_at[n, i, lane] = ray[f, n, i]
+                        gain_at[n, i, lane] = gain[f, n, 0, i]
+                        gain_at[n, 3 + i, lane] = gain[f, n, 1, i]
+                if placed:
+                    for n in range(n_targets):
+                        shift_at[n, 0, lane], shift_at[n, 1, lane] = shift[f, n, 0], shift[f, n, 1]
+                        worth[n, lane] = place_gain[f, n]
+            for k in range(2, nk):
+                for lane in range(width):
+                    pw[k, lane] = pw[k - 1, lane] * pw[1, lane]
+            for i in range(6):
+                for lane in range(width):
+                    error[i, lane] = bias[c, i] + spread[c, i] * mine[i, lane]
+                squares = 0.0
+                for lane in range(width):
+                    squares += mine[i, lane] * mine[i, lane]
+                cost += 0.5 * prior[c, i] * squares
+            for i in range(3):
+                for lane in range(width):
+                    place[i, lane] += error[3 + i, lane]
+            _turns(error, measured, turned, left, work)
+            if has_rate:
+                _spins(turned, measured, rate_at, work, spin)
+            for n in range(n_targets):
+                cost += _sights(
+                    series[b, n], pw[1], turned, left, place, stretch, gain_at[n], ray_at[n], shift_at[n], angular,
+                    kind, bend, has_rate, spin, rate_at, JQ[2 * n : 2 * n + 2], R[2 * n : 2 * n + 2], root, work,
+                )  # fmt: skip
+                if placed:
+                    for lane in range(width):
+                        PG[n, lane] = worth[n, lane] * root[lane]
             # --- their products, all lanes at once; the derivative by a target's place is minus that by the camera's
             for n in range(n_targets):
                 x = 2 * n

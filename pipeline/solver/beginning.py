@@ -10,10 +10,11 @@ import numpy as np
 from calibration.arrays import Bools, Floats
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver import dense
+from pipeline.solver.dense import Stages
 from pipeline.solver.elimination import HUBER, NONE, Loss
 from pipeline.solver.intersection import intersect, intersect_weighted
 from pipeline.solver.layout import Frames
-from pipeline.solver.levenberg import SMALL, Descent, Fit, levenberg_marquardt
+from pipeline.solver.levenberg import SMALL, Descent, Fit, ended, levenberg_marquardt
 from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.search import search_offsets
 from pipeline.solver.start import MotionChoice, first_camera, first_model, given_offsets
@@ -23,8 +24,7 @@ TRIED = 3
 """Offset candidates that are given a short adjustment each."""
 TRIAL = 25
 """Iterations of it."""
-STAGES, SHORT, COARSE, FAR = 4, 8, 1e-2, 2.5
-"""Of a graduated loss: stages and iterations of each at most, what ends one, median residuals at which it bends."""
+STAGES = Stages(count=4, short=8, coarse=1e-2, far=2.5)
 MARGIN, SAME_S = 0.3, 0.1
 """Share by which the search's cost may be worse for a candidate to be tried; clocks nearer than this are the same."""
 NEAREST, READMITTED = 0.1, 4
@@ -108,15 +108,23 @@ def statistical_start(
 def graduated(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:
     """Levenberg-Marquardt from far: the robust loss bends late at first, so that errors of the start are no outliers.
 
-    Each stage bends at `FAR` times the median residual that it finds, until that is nearly the loss' own bend.
+    Each stage bends at `STAGES.far` times the median residual that it finds, until that is nearly the loss' own bend.
     """
+    if descent.renew is None and dense.is_dense(model):
+        found = dense.graduated(model, state, descent.max_iterations, small, descent.damping, STAGES)
+        return ended(model, descent, found)
+    return graduated_plain(model, state, descent, small)
+
+
+def graduated_plain(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:
+    """The stages themselves, for every model; see `graduated`."""
     wanted, done = model.loss, 0
-    for _ in range(STAGES if wanted.kind != NONE else 0):
-        bend = FAR * median_length(model, state)
+    for _ in range(STAGES.count if wanted.kind != NONE else 0):
+        bend = STAGES.far * float(np.median(residual_lengths(model, state)))
         if bend <= 1.5 * wanted.bend:
             break
         eased = replace(model, loss=Loss(kind=HUBER, bend=bend))
-        fit = levenberg_marquardt(eased, state, replace(descent, max_iterations=SHORT), small=COARSE)
+        fit = levenberg_marquardt(eased, state, replace(descent, max_iterations=STAGES.short), small=STAGES.coarse)
         model, state, done = replace(fit.model, loss=wanted), fit.state, done + fit.iterations
     left = replace(descent, max_iterations=max(1, descent.max_iterations - done))
     fit = levenberg_marquardt(model, state, left, small=small)
@@ -187,11 +195,6 @@ def left_out(whole: Frames, frames: Frames) -> tuple[Finding, ...]:
                 )
             )
     return tuple(out)
-
-
-def median_length(model: Model, state: State) -> float:
-    """Median length of the sightings' residuals, in sigmas."""
-    return dense.median_length(model, state) if dense.is_dense(model) else float(np.median(residual_lengths(model, state)))
 
 
 def residual_lengths(model: Model, state: State) -> Floats:

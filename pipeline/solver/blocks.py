@@ -108,7 +108,7 @@ def _local_from_camera(
             per_u = slope[drifting] / width[drifting]
             out[drifting, linear, -2], out[drifting, linear, -1] = -per_u, per_u
     if places:
-        share_slope = slope * _share_per_second(frames)[frames.camera[at]]
+        share_slope = slope * share_per_second(frames)[frames.camera[at]]
         share_middle = frames.place_share[at] - u[at] * share_slope
         for i in range(0, places, 2):
             row, column = LOCAL_COLUMNS + i, CAMERA_PARAMETERS + i
@@ -116,7 +116,7 @@ def _local_from_camera(
     return out
 
 
-def _share_per_second(frames: Frames) -> Floats:
+def share_per_second(frames: Frames) -> Floats:
     """(C,) by how much a camera's `place_share` grows per second of video time."""
     ends = [
         (frames.video_s[frames.of(c)].min(), frames.video_s[frames.of(c)].max()) for c in range(len(frames.cameras))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.solver import _descent, _kernels
-from pipeline.solver.blocks import shortened
+from pipeline.solver.blocks import share_per_second, shortened
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
@@ -17,26 +18,51 @@ from pipeline.solver.timing import CAMERA_PARAMETERS
 
 MOST_SIGHTINGS = 200_000
 """Beyond, a pass takes long enough that Python between the passes costs nothing, and a person wants to see progress."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stages:
+    """Of a graduated loss: how many, iterations of each at most, what ends one, median residuals at which it bends."""
+
+    count: int
+    short: int
+    coarse: float
+    far: float
+
+
 STATUS = {_descent.CONVERGED: "converged", _descent.LIMIT: "iteration-limit", _descent.STALLED: "stalled"}
 
 
 def is_dense(model: Model) -> bool:
-    """Whether the compiled descent knows the model: one span, no drift, poses held in log time, no place errors."""
-    known = model.priors.camera_mean.shape[1] == CAMERA_PARAMETERS and model.frames.pose_rate is None
+    """Whether the compiled descent knows the model: one span, no drift, poses held in log time."""
     one_span = len(model.basis.grid_s) == 2 and model.order.n_band == 0 and model.drift.count == 0
-    return bool(_kernels.AVAILABLE and known and one_span and model.frames.seen.size <= MOST_SIGHTINGS)
+    held = model.frames.pose_rate is None and model.frames.seen.size <= MOST_SIGHTINGS
+    return bool(_kernels.AVAILABLE and one_span and held)
 
 
-def _shape(model: Model) -> tuple[Any, ...]:
-    """Times, blocks and basis as the compiled code wants them."""
-    frames, basis = model.frames, model.basis
-    begin = shortened(frames.first)
-    first: Ints = np.array([t.first for t in basis.targets], dtype=np.int64)
-    low, high = float(basis.grid_s[0]), float(basis.grid_s[1])
+def _is_placed(model: Model) -> bool:
+    return bool(model.priors.camera_mean.shape[1] > CAMERA_PARAMETERS and model.frames.angular)
+
+
+def _scene(model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Loss) -> tuple[Any, ...]:
+    """What is seen, when and how well, as the compiled code wants it."""
+    frames = model.frames
+    placed = _is_placed(model) and angular
+    per_s = share_per_second(frames) if placed else np.zeros(len(frames.cameras))
+    begin, low, high = shortened(frames.first), float(model.basis.grid_s[0]), float(model.basis.grid_s[1])
     return (
-        frames.video_s, frames.camera, begin, frames.camera[begin[:-1]], 0.5 * (low + high), 0.5 * (high - low),
-        basis.transforms[0], first, basis.degrees, model.order.coefficient,
+        frames.cam_from_enu, frames.position_m, NO_RATE, frames.ray, gain, frames.seen, False, angular, pose.spread,
+        pose.prior, float(pose.damping), loss.kind, float(loss.bend), frames.video_s, frames.camera,
+        frames.place_gain if placed else frames.place_gain[:0], frames.place_share, per_s, begin,
+        frames.camera[begin[:-1]], 0.5 * (low + high), 0.5 * (high - low),
     )  # fmt: skip
+
+
+def _unknowns(model: Model) -> tuple[Any, ...]:
+    """The motion's first coefficients, degrees and powers, and where the coefficients sit."""
+    basis = model.basis
+    first: Ints = np.array([t.first for t in basis.targets], dtype=np.int64)
+    return first, basis.degrees, basis.degree + 1, model.order.coefficient
 
 
 NO_RATE = np.zeros((1, 6))
@@ -44,13 +70,35 @@ NO_RATE = np.zeros((1, 6))
 
 def descend(model: Model, start: State, limit: int, small: float, first_damping: float) -> tuple[Any, ...]:
     """(status, iterations, state, corner, gradient, cost, frame gain, cost after each iteration)."""
-    frames, pose, loss, order = model.frames, model.pose, model.loss, model.order
+    compiled: Callable[..., tuple[Any, ...]] = _descent.descend
     history = np.zeros(limit)
-    start_at = (start.camera, start.coefficients, start.own)
-    status, iterations, camera, coefficients, own, corner, right, cost, gain = _call(
-        model, frames.gain, frames.angular, pose, loss, order.camera, order.n_border,
-        model.priors.camera_precision, start_at, limit, small, first_damping, history, 0.0,
+    return _ended(
+        compiled(*_from(model, start), limit, float(small), float(first_damping), history, 0.0), start, history
+    )
+
+
+def graduated(
+    model: Model, start: State, limit: int, small: float, first_damping: float, stages: Stages
+) -> tuple[Any, ...]:
+    """The same, through stages in which the loss bends late: see `beginning.graduated`."""
+    compiled: Callable[..., tuple[Any, ...]] = _descent.graduated
+    history = np.zeros(limit + stages.count * stages.short)
+    given = (*_from(model, start), limit, float(small), float(first_damping), history)
+    found = compiled(*given, stages.count, stages.short, float(stages.coarse), float(stages.far))
+    return _ended(found, start, history)
+
+
+def _from(model: Model, start: State) -> tuple[Any, ...]:
+    order = model.order
+    return (
+        *_scene(model, model.frames.gain, model.frames.angular, model.pose, model.loss), *_unknowns(model),
+        order.camera, order.n_border, model.priors.camera_mean, model.priors.camera_precision, start.camera,
+        start.coefficients, start.own,
     )  # fmt: skip
+
+
+def _ended(found: tuple[Any, ...], start: State, history: Floats) -> tuple[Any, ...]:
+    status, iterations, camera, coefficients, own, corner, right, cost, gain = found
     state = State(coefficients=coefficients, camera=camera, deviation=start.deviation, own=own)
     return STATUS[status], iterations, state, corner, right, cost, gain, history[:iterations]
 
@@ -61,39 +109,16 @@ def motion_step(model: Model, state: State, frames: Frames, rank: float) -> tupl
     `model` has all coefficients free. Pivot -1: a coefficient touches no sight ray; 0: singular.
     """
     across: Callable[..., Floats] = _descent.across
+    compiled: Callable[..., tuple[Any, ...]] = _descent.descend
     gain = frames.gain if not frames.angular else across(frames.ray, frames.seen)
     held = PoseError(spread=np.zeros((len(state.camera), 6)), prior=np.zeros((len(state.camera), 6)))
-    found = _call(
-        model, gain, False, held, Loss(), np.full(state.camera.shape, -1), 3 * len(state.coefficients),
-        np.zeros(state.camera.shape), (state.camera, state.coefficients, np.zeros((frames.count, 6))),
+    nothing = np.zeros(state.camera.shape)
+    found = compiled(
+        *_scene(model, gain, False, held, Loss()), *_unknowns(model), np.full(state.camera.shape, -1),
+        3 * len(state.coefficients), nothing, nothing, state.camera, state.coefficients, np.zeros((frames.count, 6)),
         1, 0.0, 0.0, np.zeros(1), rank,
     )  # fmt: skip
     return found[3], float(found[7])
-
-
-def median_length(model: Model, state: State) -> float:
-    """Median length of the sightings' residuals, in sigmas."""
-    frames, shape = model.frames, _shape(model)
-    compiled: Callable[..., float] = _descent.median_length
-    return compiled(
-        frames.cam_from_enu, frames.position_m, frames.ray, frames.gain, frames.seen, frames.angular,
-        model.pose.spread, frames.video_s, frames.camera, *shape[4:9], state.camera, state.coefficients, state.own,
-    )  # fmt: skip
-
-
-def _call(
-    model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Loss, order_camera: Ints, size: int,
-    precision: Floats, start: tuple[Floats, Floats, Floats], limit: int, small: float, first_damping: float,
-    history: Floats, rank: float,
-) -> tuple[Any, ...]:  # fmt: skip
-    """The compiled function, its arguments in their order and of their types."""
-    frames = model.frames
-    compiled: Callable[..., tuple[Any, ...]] = _descent.descend
-    return compiled(
-        frames.cam_from_enu, frames.position_m, NO_RATE, frames.ray, gain, frames.seen, False, angular, pose.spread,
-        pose.prior, float(pose.damping), loss.kind, float(loss.bend), *_shape(model), order_camera, size,
-        model.priors.camera_mean, precision, *start, limit, float(small), float(first_damping), history, float(rank),
-    )  # fmt: skip
 
 
 def warm() -> None:
@@ -104,18 +129,16 @@ def warm() -> None:
     i, f, eye = np.zeros(1, np.int64), np.zeros, np.eye(3)[None]
     begin, seen = np.array([0, 1]), np.ones((1, 1), dtype=bool)
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
-    shape = (f(1), i, begin, i, 0.0, 1.0, np.ones((1, 1, 1)), i, i, np.arange(3)[None])
-    poses = (eye, f((1, 3)), NO_RATE, ray, gain, seen)
-    calls: tuple[Callable[..., Any], ...] = (_descent.across, _descent.descend, _descent.median_length)
+    calls: tuple[Callable[..., Any], ...] = (_descent.across, _descent.descend, _descent.graduated)
+    scene = (
+        eye, f((1, 3)), NO_RATE, ray, gain, seen, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0, f(1), i,
+        f((0, 1)), f(1), f(1), begin, i, 0.0, 1.0,
+    )  # fmt: skip
+    unknowns = (i, i, 1, np.arange(3)[None], np.full((1, 10), -1), 3, f((1, 10)), f((1, 10)))
+    start = (f((1, 10)), f((1, 3)), f((1, 6)), 1, 1e-9, 1e-4)
     calls[0](ray, seen)
-    calls[1](
-        *poses, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0, *shape, np.full((1, 10), -1), 3, f((1, 10)),
-        f((1, 10)), f((1, 10)), f((1, 3)), f((1, 6)), 1, 1e-9, 1e-4, f(1), 0.0,
-    )  # fmt: skip
-    calls[2](
-        eye, f((1, 3)), ray, gain, seen, True, f((1, 6)), f(1), i, 0.0, 1.0, np.ones((1, 1, 1)), i, i, f((1, 10)),
-        f((1, 3)), f((1, 6)),
-    )  # fmt: skip
+    calls[1](*scene, *unknowns, *start, f(1), 0.0)
+    calls[2](*scene, *unknowns, *start, f(3), 1, 1, 1e-2, 2.5)
     warm.done = True  # type: ignore[attr-defined]
 
 

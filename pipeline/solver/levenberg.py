@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pipeline.records import SolveStatus
+from pipeline.solver import dense
 from pipeline.solver._descent import FIRST_DAMPING
 from pipeline.solver.assembly import Linear, linear, moved
 from pipeline.solver.bordered import Bordered, factorise
-from pipeline.solver.dense import descend, is_dense
+from pipeline.solver.dense import is_dense
 from pipeline.solver.model import Model, State
 
 SMALL = 1e-9
@@ -65,9 +67,12 @@ def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent()
 
 def _compiled(model: Model, start: State, descent: Descent, small: float) -> Fit:
     """The same path in one compiled call."""
-    status, iterations, state, corner, gradient, cost, gain, history = descend(
-        model, start, descent.max_iterations, small, descent.damping
-    )
+    return ended(model, descent, dense.descend(model, start, descent.max_iterations, small, descent.damping))
+
+
+def ended(model: Model, descent: Descent, found: tuple[Any, ...]) -> Fit:
+    """The fit that a compiled descent found."""
+    status, iterations, state, corner, gradient, cost, gain, history = found
     if descent.progress is not None:
         for count, reached in enumerate(history, start=1):
             descent.progress(count, float(reached))

@@ -58,6 +58,27 @@ def rich_model(
     return model, state
 
 
+def placed_model(kinds: tuple[MotionKind, ...], loss: str = "none", seed: int = 2) -> tuple[Model, State]:
+    """Affine clocks, held log time, hidden frames, and targets tracked at other points by each camera."""
+    rng = np.random.default_rng(seed)
+    problem, _ = simulate(paper_scene(order=2, targets=len(kinds)), noise=PAPER_LOW, seed=seed)
+    rays = [replace(c.rays, place_sigma_px=(2.0, 1.0)) for c in problem.cameras]
+    problem = replace(problem, cameras=tuple(replace(c, rays=r) for c, r in zip(problem.cameras, rays, strict=True)))
+    frames = pack(problem)
+    shown = rng.random(frames.seen.shape) > 0.1
+    frames = changed(
+        frames, seen=frames.seen & shown, gain=np.where(shown[..., None, None], frames.gain, 0.0),
+        place_gain=np.where(shown, frames.place_gain, 0.0),
+    )  # fmt: skip
+    camera = first_camera(problem, {"uav2": 0.45}, {"uav2": 10.1})
+    choice = MotionChoice(kinds=kinds, orders=tuple(range(2, 2 + len(kinds))), spacing_s=0.8)
+    model, state = first_model(problem, SolverSettings(), frames, choice, camera)
+    camera[:, 10:] = rng.normal(size=camera[:, 10:].shape)
+    coefficients = rng.normal(size=state.coefficients.shape) * 20
+    own = rng.normal(size=(frames.count, 6))
+    return changed(model, loss=LOSSES[loss]), changed(state, camera=camera, coefficients=coefficients, own=own)
+
+
 def changed(record: T, **values: object) -> T:
     """A record with other values."""
 

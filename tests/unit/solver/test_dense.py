@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import GeometryError
 from pipeline.records import SolverSettings
-from pipeline.solver import _kernels, dense, intersection, levenberg
+from pipeline.solver import _kernels, beginning, dense, intersection, levenberg
 from pipeline.solver.layout import metric, pack
 from pipeline.solver.levenberg import Descent, levenberg_marquardt, levenberg_marquardt_plain
 from pipeline.solver.start import first_camera, first_choice, first_model
@@ -20,17 +20,22 @@ pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not ins
 METHODS = ["map", "algorithm-1", "algorithm-2"]
 
 
-def begun(method, robust="none"):
+def begun(method, robust="none", place_px=(0.0, 0.0)):
     problem, _ = simulate(paper_scene(order=2, targets=2), noise=PAPER_LOW, seed=3)
+    cameras = [replace(c, rays=replace(c.rays, place_sigma_px=place_px)) for c in problem.cameras]
+    problem = replace(problem, cameras=tuple(cameras))
     settings = SolverSettings(method=method, robust=robust)
     frames = pack(problem) if method == "map" else metric(pack(problem))
     model, state = first_model(problem, settings, frames, first_choice(problem), first_camera(problem, {}, {}))
     return model, state
 
 
-@pytest.mark.parametrize(("method", "robust"), [(m, "none") for m in METHODS] + [("map", "huber"), ("map", "cauchy")])
-def test_the_same_path(method, robust):
-    model, state = begun(method, robust)
+@pytest.mark.parametrize(("method", "robust", "place_px"), [
+    *((m, "none", (0.0, 0.0)) for m in METHODS), ("map", "huber", (0.0, 0.0)), ("map", "cauchy", (0.0, 0.0)),
+    ("map", "huber", (2.0, 1.0)),
+])  # fmt: skip
+def test_the_same_path(method, robust, place_px):
+    model, state = begun(method, robust, place_px)
     start = intersection.intersect(model, state)
     assert dense.is_dense(model)
     costs: list[float] = []
@@ -44,6 +49,17 @@ def test_the_same_path(method, robust):
         np.testing.assert_allclose(getattr(fast.state, name), getattr(plain.state, name), rtol=1e-6, atol=1e-6)
     wanted = plain.linear.system
     np.testing.assert_allclose(fast.linear.system.corner, wanted.corner, atol=1e-6 * np.abs(wanted.corner).max())
+
+
+@pytest.mark.parametrize("place_px", [(0.0, 0.0), (2.0, 1.0)])
+def test_the_same_stages_of_a_graduated_loss(place_px):
+    model, state = begun("map", "huber", place_px)
+    start = intersection.intersect(model, state)
+    fast = beginning.graduated(model, start, Descent(max_iterations=20))
+    plain = beginning.graduated_plain(model, start, Descent(max_iterations=20))
+    assert fast.iterations == plain.iterations > 3
+    assert fast.cost == pytest.approx(plain.cost, rel=1e-9)
+    np.testing.assert_allclose(fast.state.camera, plain.state.camera, rtol=1e-6, atol=1e-6)
 
 
 def test_the_first_motion_is_the_same(monkeypatch):

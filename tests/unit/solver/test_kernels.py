@@ -17,7 +17,7 @@ from pipeline.solver.elimination import (
 from pipeline.solver.layout import metric
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
-from tests.unit.solver.solver_scenes import changed, rich_model
+from tests.unit.solver.solver_scenes import changed, placed_model, rich_model
 
 pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
 
@@ -53,7 +53,15 @@ def test_twins_without_prior_of_the_frames():
     _both(changed(model, pose=changed(model.pose, prior=prior, damping=1e-3)), state)
 
 
-def _both(model, state):
+@pytest.mark.parametrize("kinds", [("polynomial", "polynomial"), ("polynomial", "spline")])
+def test_twins_with_place_errors(kinds):
+    for loss in ("none", "huber"):
+        model, state = placed_model(kinds, loss)
+        for frames in (model.frames, metric(model.frames)):
+            _both(changed(model, frames=frames), state, anew=False)
+
+
+def _both(model, state, anew=True):
     blocks, at = blocks_at(model, state)
     given = (model.frames, model.pose, model.loss, at, blocks)
     fast, plain = block_normals(*given), block_normals_plain(*given)
@@ -63,7 +71,8 @@ def _both(model, state):
     assert fast.frame_gain == pytest.approx(plain.frame_gain, rel=1e-9, abs=1e-9)
     step = np.random.default_rng(0).normal(size=fast.gradient.shape)
     wanted = frame_steps_plain(*given, step)
-    alike(frame_steps(*given, step), wanted)
+    if anew:
+        alike(frame_steps(*given, step), wanted)
     alike(frame_steps(*given, step, fast.kept), wanted)
     quick, slow = assemble(model, blocks, plain), assemble_plain(model, blocks, plain)
     for part in ("band", "border", "corner", "gradient"):
