@@ -48,8 +48,7 @@ def adjust(
     progress: Progress | None = None,
 ) -> Adjusted:  # fmt: skip
     """The whole of `map` up to the optimum, from the offsets `found`."""
-    renew = renewing(problem) if any(c.poses_at is not None for c in problem.cameras) else None
-    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renew)
+    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renewing(problem))
     choice = first_choice(problem)
     small = ROUGHLY if "spline" in choice.kinds else SMALL
 
