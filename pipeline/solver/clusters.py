@@ -13,6 +13,8 @@ from calibration.arrays import Floats, Ints
 from pipeline.solver.model import Model, State
 
 FADED, LONGER, FEWEST = 0.1, 4, 12
+MOST = 2000
+"""Clusters of one camera where every unknown touches all of its frames (no splines): more would only cost memory."""
 
 
 def memory_frames(series: Floats, known: Floats) -> int:
@@ -37,6 +39,7 @@ def clusters(model: Model, state: State, residual: Floats) -> Ints:
     weight = np.sqrt(model.loss.weight((residual**2).sum(-1))) * frames.seen
     flat = (residual * weight[..., None]).reshape(frames.count, -1)
     out = np.empty(frames.count, dtype=np.int64)
+    local = any(t.kind == "spline" for t in model.basis.targets)
     first = 0
     for c in range(len(frames.cameras)):
         part = frames.of(c)
@@ -44,8 +47,9 @@ def clusters(model: Model, state: State, residual: Floats) -> Ints:
         lag = memory_frames(flat[part], known)
         if model.pose.spread[c].any():
             lag = max(lag, memory_frames(state.own[part], known))
-        length = min(max(1, LONGER * lag), max(1, (part.stop - part.start) // FEWEST))
-        number = np.arange(part.stop - part.start) // length
+        count = part.stop - part.start
+        length = min(max(1, LONGER * lag, 1 if local else -(-count // MOST)), max(1, count // FEWEST))
+        number = np.arange(count) // length
         out[part] = first + number
         first += int(number[-1]) + 1
     return out

@@ -16,8 +16,8 @@ from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.timing import CAMERA_PARAMETERS
 
-MOST_SIGHTINGS = 200_000
-"""Beyond, a pass takes long enough that Python between the passes costs nothing, and a person wants to see progress."""
+MOST_SIGHTINGS = 2_000_000
+"""A pass over so many takes half a second; beyond, Python between the passes costs nothing and shows progress."""
 
 
 @dataclass(frozen=True, kw_only=True)
