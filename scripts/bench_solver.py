@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -121,10 +122,10 @@ def _camera(
 def ours(case: Case, method: str, repeats: int) -> dict[str, object]:
     """The best time of our solver, and where it ended."""
     settings = SolverSettings(method=method, robust="none")  # type: ignore[arg-type]
-    found = [solve(case.problem, settings) for _ in range(repeats + 1)][1:]
-    last = found[-1]
+    seconds = [solve(case.problem, settings).seconds for _ in range(repeats)][1:]
+    last = solve(case.problem, settings)
     return {
-        "seconds": min(s.seconds for s in found),
+        "seconds": min([*seconds, last.seconds]),
         "iterations": last.iterations,
         "cost": last.cost,
         "positions": np.array([m.position_enu_m(case.middle_s) for m in last.motions]),
@@ -153,6 +154,7 @@ def row(size: str, order: int, program: str | None, repeats: int, with_li: bool)
     case = make_case(cameras, frames, targets, order)
     mine = ours(case, "map", repeats)
     line: dict[str, object] = {"size": size, "seconds": mine["seconds"], "iterations": mine["iterations"]}
+    line["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     if program is not None:
         start = ours(case, "intersection", 0)["powers"] if repeats == 0 else ours(case, "intersection", 1)["powers"]
         other = peer(case, program, np.asarray(start), repeats)
@@ -184,7 +186,10 @@ def main() -> None:
         return
     if given.peer is None:
         print("the peer (ceres_map) is not installed: name its program with --peer")
-    print(f"{'size':>14} {'ours s':>10} {'it':>4} {'Ceres s':>10} {'it':>4} {'ratio':>7} {'apart m':>9} {'Li s':>9}")
+    print(
+        f"{'size':>14} {'ours s':>10} {'it':>4} {'Ceres s':>10} {'it':>4} {'ratio':>7} {'apart m':>9} {'Li s':>9}"
+        f" {'peak GB':>8}"
+    )
     for line in rows:
         cells = [
             line.get(k, float("nan")) for k in ("peer_seconds", "peer_iterations", "ratio", "apart_m", "li_seconds")
@@ -192,6 +197,7 @@ def main() -> None:
         print(
             f"{line['size']:>14} {line['seconds']:10.5f} {line['iterations']:4d} {cells[0]:10.5f} {cells[1]:4.0f}"
             f" {cells[2]:7.1f} {cells[3]:9.5f} {cells[4]:9.4f}"
+            f" {line['peak_gb']:8.2f}"
         )
 
 

@@ -13,7 +13,7 @@ from calibration.arrays import Floats, Ints
 from pipeline.solver.model import Model, State
 
 FADED, LONGER, FEWEST = 0.1, 4, 12
-MOST = 2000
+MOST = 500
 """Clusters of one camera where every unknown touches all of its frames (no splines): more would only cost memory."""
 
 

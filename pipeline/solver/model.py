@@ -13,6 +13,8 @@ from pipeline.solver.motion_basis import MotionBasis, jerk_rows
 from pipeline.solver.residuals import linearise, place_shift
 from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, Drift, common_time_s
 
+CHUNK_FRAMES = 16384
+"""Frames whose derivatives are held at once, where only the residuals are asked for."""
 DRIFT_CENTRED_S = 1e-4
 """How exactly a deviation is held to have neither offset nor rate of its own: those are the affine clock's."""
 
@@ -158,10 +160,19 @@ def drift_penalty(drift: Drift, camera: int, rate: float) -> Floats:
 
 def residuals_of(frames: Frames, part: slice, model: Model, state: State) -> Floats:
     """(n, N, 2): residuals of the frames `part` at a point, as `frames` measures them; place errors are in pixels."""
-    time = common_time_s(frames, model.drift, state.camera, state.deviation)[part]
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)
+    begin, end, _ = part.indices(frames.count)
+    out = np.empty((end - begin, len(frames.targets), 2))
+    for low in range(begin, end, CHUNK_FRAMES):
+        own = slice(low, min(low + CHUNK_FRAMES, end))
+        out[low - begin : own.stop - begin] = _residuals(frames, own, model, state, time[own])
+    return out
+
+
+def _residuals(frames: Frames, part: slice, model: Model, state: State, time_s: Floats) -> Floats:
     camera = frames.camera[part]
     error = state.camera[camera, :6] + model.pose.spread[camera] * state.own[part]
-    position = model.basis.position(time, state.coefficients)
+    position = model.basis.position(time_s, state.coefficients)
     found = linearise(frames, part, position, error, state.camera[camera, FOCAL]).residual
     if state.camera.shape[1] > CAMERA_PARAMETERS and frames.angular:
         found = found + place_shift(frames, part, state.camera)
