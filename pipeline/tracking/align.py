@@ -78,7 +78,7 @@ def aligned_compiled(
     judged: Callable[..., tuple[Any, ...]] = _kernels.judged
     image_px, near = np.array(image.shape[1::-1], float), np.array(_near_px(template))
     linear, centre, inverse, seen, robust = settled(
-        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, near, SHARED_NOISE, image_px,
+        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, template.own, near, SHARED_NOISE, image_px,
         template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
         np.asarray(predicted_linear, float), _prior(looseness), ITERATIONS, ENOUGH_PX, ROBUST,
     )  # fmt: skip
@@ -149,7 +149,7 @@ def _prior(looseness: float) -> Floats:
 
 def _pixel_weight(template: Template, image: Image, warp: Warp) -> Pixels:
     """Information of each value (h w 3,) before robust weighting; zero outside the image."""
-    weight = _nearness(template) / (SHARED_NOISE * template.spread)
+    weight = _nearness(template) * template.own / (SHARED_NOISE * template.spread)
     weight = weight * _inside(template, image, warp)
     return np.asarray(np.repeat(weight.reshape(-1), 3), np.float32)
 

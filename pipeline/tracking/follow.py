@@ -22,7 +22,7 @@ from pipeline.tracking.background import Scene, moved
 from pipeline.tracking.coarse import look, start_coarse
 from pipeline.tracking.followed import Doubt, Fix, Followed
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
-from pipeline.tracking.search import best_nearby
+from pipeline.tracking.search import matches_nearby
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample
 from pipeline.tracking.video import Image
@@ -34,11 +34,14 @@ TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), 
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
 NEW_SCORE = 0.42
-# a find so close to the prediction (sigmas), so soon after it was lost, agreeing so nearly, may score so much less
-EXPECTED_SIGMAS, EXPECTED_S, EXPECTED_AGREEING, EXPECTED_BONUS = 2.0, 1.0, 0.2, 0.22
+# a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
+# looks quite different
+EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([0.4, 0.5])
+FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.5  # of target against scene
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
+SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
 
 
@@ -61,10 +64,13 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
     if target.gone:
         return target, ()
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
-    target = replace(target, course=course, linear=jacobian @ target.linear)
+    target = replace(
+        target, course=course, linear=jacobian @ target.linear @ _rotation(target.spin * scene.dt_s),
+        spin=target.spin * math.exp(-scene.dt_s / SPIN_LASTS_S) if target.hidden else target.spin,
+    )  # fmt: skip
     if target.hidden:
         return _searched(target, image, frame, scene, settings)
-    target, found = _looked(target, image, settings)
+    target, found = _looked(target, scene, settings)
     if found is None:
         lost = _lost_again(target, scene) if target.pending else _lost(target, scene)
         return lost, ()
@@ -93,12 +99,12 @@ def _lost_again(target: Followed, scene: Scene) -> Followed:
     return replace(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=target.lost_before_s + scene.dt_s)
 
 
-def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
+def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
     """The coarse tracker's answer refined; where that is in doubt, the better of it and of a search close by.
 
     A new target may score less: its first look is noisy and holds some of what is behind it.
     """
-    predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
+    image, predicted = scene.pixels, Warp(linear=target.linear, centre_px=target.course.position_px)
     start = None
     if target.coarse is not None:
         coarse, start = look(target.coarse, image, predicted)
@@ -106,12 +112,12 @@ def _looked(target: Followed, image: Image, settings: TrackingSettings) -> tuple
     found = None
     if start is not None:
         found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
-        if _holds(target, found, settings.accept_score, TO_LEARN):
+        if _holds(target, found, scene, settings.accept_score, TO_LEARN):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
-    near = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
+    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
-    good = [a for a in (found, near) if a is not None and _holds(target, a, least, TO_FOLLOW)]
+    good = [a for a in (found, *near) if a is not None and _holds(target, a, scene, least, TO_FOLLOW)]
     best = max(good, key=lambda a: a.score, default=None)
     return (target if best is found else replace(target, coarse=None)), best
 
@@ -129,10 +135,9 @@ def _searched(
     reach = 4.0 + 3.0 * target.course.sigma_px
     turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
-    found = best_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
-    if found is None or not _holds(target, found, settings.return_score, TO_RETURN):
-        return target, ()
-    if _part_of_scene(target, found, scene):
+    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
+    found = next((a for a in near if _holds(target, a, scene, settings.return_score, TO_RETURN)), None)
+    if found is None:
         return target, ()
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
     doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
@@ -162,26 +167,36 @@ def _in_view(course: Course, image: Image) -> bool:
     return bool(-slack < x < width + slack and -slack < y < height + slack)
 
 
-def _holds(target: Followed, found: Alignment, least_score: float, slack: Floats) -> bool:
-    """Verification: it looks like the target, most of it is there, and it is where it can be.
-
-    Where it is just where it was expected, and nearly all of it agrees, it may correlate less: the ground behind a
-    small target takes part in its look.
-    """
-    size = target.template.size
-    scale = found.warp.scale
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
+def _holds(target: Followed, found: Alignment, scene: Scene, least_score: float, slack: Floats) -> bool:
+    """Verification: it is where the target can be, it looks like the target, and not like the scene behind it."""
+    if not _can_be_there(target, found):
+        return False
     seen = np.array([found.score, found.agreeing])
+    if not target.hidden and np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - TO_LEARN)):
+        return True
+    odds = _odds(target, found, scene, 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX)
+    if odds is not None and odds < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
+        return False
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
-    expected = off < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
-    if expected and found.agreeing >= target.usual[1] - EXPECTED_AGREEING:
-        least[0] -= EXPECTED_BONUS
+    if odds is not None and odds > SURE_ODDS and _expected(target, found):
+        least = np.minimum(least, SURE)
+    return bool(np.all(seen >= least))
+
+
+def _can_be_there(target: Followed, found: Alignment) -> bool:
+    size, scale = target.template.size, found.warp.scale
+    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
     return (
-        bool(np.all(seen >= least))
-        and found.inside >= LEAST_INSIDE
+        found.inside >= LEAST_INSIDE
         and off < GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
         and 0.7 < scale / target.scale < 1.4
     )
+
+
+def _expected(target: Followed, found: Alignment) -> bool:
+    """Whether it is just where it was expected, and was seen not long ago."""
+    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
+    return off < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
 
 
 def _learned(
@@ -201,11 +216,14 @@ def _learned(
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
     usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
+    turned = 0.0 if target.hidden or scene.dt_s <= 0 else _turned(found.warp.linear, target.linear) / scene.dt_s
+    spin = float(np.clip(target.spin + SPIN_RATE * turned, -MOST_SPIN, MOST_SPIN))
     course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found, template.size_px)))
     return replace(
         target,
         template=template,
         linear=found.warp.linear,
+        spin=spin,
         course=course,
         coarse=coarse,
         usual=target.usual + usual_rate * (quality - target.usual),
@@ -221,13 +239,16 @@ def _set_apart(template: Template, target: Followed, found: Alignment, scene: Sc
     return template if difference is None else contrasted(template, difference, rate)
 
 
-def _part_of_scene(target: Followed, found: Alignment, scene: Scene) -> bool:
-    """Whether what was found was already there when a target of this speed would have been elsewhere."""
-    difference = _difference_from_scene(target, found, scene, 1.5 * LEAST_AWAY_PX)
+def _odds(target: Followed, found: Alignment, scene: Scene, least_px: float) -> float | None:
+    """How much worse the scene behind explains what was found than the target does (ratio of squared residuals).
+
+    None where the scene behind is not known.
+    """
+    difference = _difference_from_scene(target, found, scene, least_px)
     if difference is None:
-        return False
+        return None
     trust = target.template.trust
-    return float((trust * difference).sum()) < float((trust * found.residual).sum())
+    return float((trust * difference).sum()) / max(1e-9, float((trust * found.residual).sum()))
 
 
 def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> Pixels | None:
@@ -251,6 +272,17 @@ def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, lea
 
 def _inside_image(point_px: Floats, image: Image) -> bool:
     return bool(np.all(point_px >= 0) and point_px[0] < image.shape[1] and point_px[1] < image.shape[0])
+
+
+def _rotation(angle_rad: float) -> Floats:
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, -s], [s, c]])
+
+
+def _turned(linear: Floats, predicted: Floats) -> float:
+    """How much further than predicted a target has turned, radians."""
+    (a, b), (c, d) = (np.linalg.inv(predicted) @ linear).tolist()
+    return math.atan2(c - b, a + d)
 
 
 def _fix(frame: int, found: Alignment, target: Followed) -> Fix:

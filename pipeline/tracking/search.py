@@ -15,7 +15,7 @@ PEAKS, LARGEST_REACH = 3, 160  # reach in template pixels
 DISTANCE_PENALTY = 0.03  # of correlation, for each sigma away from the prediction squared
 
 
-def best_nearby(
+def matches_nearby(
     image: Image,
     template: Template,
     predicted: Warp,
@@ -23,8 +23,8 @@ def best_nearby(
     sigma_px: float,
     looseness: float,
     turn_rad: float = 0.0,
-) -> Alignment | None:
-    """The best alignment within `reach_px` of the prediction; None where nothing correlates at all.
+) -> list[Alignment]:
+    """Alignments within `reach_px` of the prediction, the best first; none where nothing correlates at all.
 
     sigma_px  of the prediction, per axis: far from it a match must be better
     turn_rad  by how much the target is to be turned first
@@ -35,7 +35,7 @@ def best_nearby(
         align(image, template, Warp(linear=predicted.linear, centre_px=start), predicted.linear, looseness)
         for start in candidates(image, template, predicted, reach_px, sigma_px)
     ]
-    return max(found, key=lambda a: a.score, default=None)
+    return sorted(found, key=lambda a: -a.score)
 
 
 def candidates(image: Image, template: Template, predicted: Warp, reach_px: float, sigma_px: float) -> list[Floats]:
