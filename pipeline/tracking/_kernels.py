@@ -217,7 +217,7 @@ def settled(  # type: ignore[no-untyped-def]
 @compiled
 def judged(  # type: ignore[no-untyped-def]
     pixels, spread, trust, core, seen, robust, step, linear, centre, image, least_tolerance, most_tolerance,
-    robust_sigmas,
+    robust_sigmas, brighter,
 ):  # fmt: skip
     """(raw, light (h, w, 3), residual (h, w), share agreeing, correlation, share of the box inside the image)."""
     h, w = pixels.shape[0], pixels.shape[1]
@@ -266,6 +266,8 @@ def judged(  # type: ignore[no-untyped-def]
                     ab += trust[i, j] * a * b
                     aa += trust[i, j] * a * a
                     bb += trust[i, j] * b * b
+    for colour in range(3):
+        mean_own[colour] = mean_seen[colour] - min(max(mean_seen[colour] - mean_own[colour], -brighter), brighter)
     gain = min(max(common / max(square, 1e-9), 0.7), 1.4)
     agreeing, sure = 0.0, 0.0
     for i in range(h):

@@ -36,8 +36,9 @@ GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: 
 NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
 # looks quite different
-EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([0.4, 0.5])
-FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.5  # of target against scene
+EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([-1.0, 0.6])
+TO_RETURN_SURE = np.array([0.3, 0.25])
+FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
@@ -178,8 +179,8 @@ def _holds(target: Followed, found: Alignment, scene: Scene, least_score: float,
     if odds is not None and odds < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
         return False
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
-    if odds is not None and odds > SURE_ODDS and _expected(target, found):
-        least = np.minimum(least, SURE)
+    if odds is not None and odds > SURE_ODDS:
+        least = np.minimum(least, SURE if _expected(target, found) else target.usual - TO_RETURN_SURE)
     return bool(np.all(seen >= least))
 
 
