@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -40,6 +41,7 @@ EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([-1.0, 0.6])
 TO_RETURN_SURE = np.array([0.3, 0.25])
 FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
+ODDS_MERIT, AWAY_DEMERIT, FIX_PX = 0.3, 0.03, 0.6  # of the odds logarithm; of the distance in sigmas, squared
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
@@ -116,10 +118,11 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
         if _holds(target, found, scene, settings.accept_score, TO_LEARN):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
-    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0)
+    behind = partial(_behind, target, scene, LEAST_AWAY_PX)
+    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0, behind=behind)
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
     good = [a for a in (found, *near) if a is not None and _holds(target, a, scene, least, TO_FOLLOW)]
-    best = max(good, key=lambda a: a.score, default=None)
+    best = max(good, key=lambda a: _merit(target, a, scene), default=None)
     return (target if best is found else replace(target, coarse=None)), best
 
 
@@ -136,8 +139,11 @@ def _searched(
     reach = 4.0 + 3.0 * target.course.sigma_px
     turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
-    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, looseness, turn)
-    found = next((a for a in near if _holds(target, a, scene, settings.return_score, TO_RETURN)), None)
+    behind = partial(_behind, target, scene, 1.5 * LEAST_AWAY_PX)
+    sigma = 2.0 + target.course.sigma_px
+    near = matches_nearby(image, target.template, predicted, reach, sigma, looseness, turn, behind)
+    good = [a for a in near if _holds(target, a, scene, settings.return_score, TO_RETURN)]
+    found = max(good, key=lambda a: _merit(target, a, scene), default=None)
     if found is None:
         return target, ()
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
@@ -252,23 +258,43 @@ def _odds(target: Followed, found: Alignment, scene: Scene, least_px: float) -> 
     return float((trust * difference).sum()) / max(1e-9, float((trust * found.residual).sum()))
 
 
+def _merit(target: Followed, found: Alignment, scene: Scene) -> float:
+    """What speaks for one of several alignments: its look, its odds against the scene, how near the prediction it is."""
+    odds = _odds(target, found, scene, LEAST_AWAY_PX)
+    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
+    told = 0.0 if odds is None else ODDS_MERIT * math.log(min(max(odds, 0.3), 10.0))
+    return found.score + told - AWAY_DEMERIT * (off / math.hypot(target.course.sigma_px, FIX_PX)) ** 2
+
+
 def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> Pixels | None:
     """Squared difference (h, w) of what was found from the same ground in an earlier frame.
 
     least_px  that the target must have moved since; None where it has not, or the ground was not in view
     """
+    if found.inside < 1.0:
+        return None
+    template = target.template
+    ground = _behind(target, scene, least_px, found.warp, template.shape, template.step_px)
+    return None if ground is None else np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
+
+
+def _behind(
+    target: Followed, scene: Scene, least_px: float, warp: Warp, shape: tuple[int, int], step_px: float
+) -> Pixels | None:
+    """The ground under a warp (h, w, 3) as an earlier frame has it, from when the target was not there.
+
+    least_px  that the target must have moved since; None where it has not, or the ground was not in view
+    """
     speed = float(np.hypot(*target.course.velocity)) * scene.dt_s
-    size = target.template.size * found.warp.scale
+    size = target.template.size * warp.scale
     away = [key for key in scene.keys if speed * key.age >= min(least_px, 0.5 * size)]
-    if not away or found.inside < 1.0:
+    if not away:
         return None
     key = next((key for key in away if speed * key.age >= size), away[-1])
-    then, jacobian = moved(np.asarray(np.linalg.inv(key.cur_from_key)), found.warp.centre_px)
+    then, jacobian = moved(np.asarray(np.linalg.inv(key.cur_from_key)), warp.centre_px)
     if not _inside_image(then, key.pixels):
         return None
-    behind = Warp(linear=jacobian @ found.warp.linear, centre_px=then)
-    ground = sample(key.pixels, behind, target.template.shape, target.template.step_px)
-    return np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
+    return sample(key.pixels, Warp(linear=jacobian @ warp.linear, centre_px=then), shape, step_px)
 
 
 def _inside_image(point_px: Floats, image: Image) -> bool:
