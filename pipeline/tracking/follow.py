@@ -25,7 +25,7 @@ from pipeline.tracking.followed import Doubt, Fix, Followed
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import matches_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, sample
+from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, over_ground, sample
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
@@ -42,6 +42,7 @@ TO_RETURN_SURE = np.array([0.3, 0.25])
 FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 ODDS_MERIT, AWAY_DEMERIT, FIX_PX = 0.3, 0.03, 0.6  # of the odds logarithm; of the distance in sigmas, squared
+OUTLINED_PX, OUTLINED_FROM = 24.0, 0.5  # targets smaller than that are seen against known ground, once they are known
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
@@ -114,12 +115,13 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
         target = replace(target, coarse=coarse)
     found = None
     if start is not None:
-        found = align(image, target.template, replace(predicted, centre_px=start), target.linear)
+        found = _aligned(target, scene, replace(predicted, centre_px=start), 1.0)
         if _holds(target, found, scene, settings.accept_score, TO_LEARN):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
     behind = partial(_behind, target, scene, LEAST_AWAY_PX)
-    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, 1.0, behind=behind)
+    aligned = partial(_aligned, target, scene, looseness=1.0)
+    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, aligned, behind=behind)
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
     good = [a for a in (found, *near) if a is not None and _holds(target, a, scene, least, TO_FOLLOW)]
     best = max(good, key=lambda a: _merit(target, a, scene), default=None)
@@ -140,8 +142,9 @@ def _searched(
     turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
     behind = partial(_behind, target, scene, 1.5 * LEAST_AWAY_PX)
+    aligned = partial(_aligned, target, scene, looseness=looseness)
     sigma = 2.0 + target.course.sigma_px
-    near = matches_nearby(image, target.template, predicted, reach, sigma, looseness, turn, behind)
+    near = matches_nearby(image, target.template, predicted, reach, sigma, aligned, turn, behind)
     good = [a for a in near if _holds(target, a, scene, settings.return_score, TO_RETURN)]
     found = max(good, key=lambda a: _merit(target, a, scene), default=None)
     if found is None:
@@ -256,6 +259,19 @@ def _odds(target: Followed, found: Alignment, scene: Scene, least_px: float) -> 
         return None
     trust = target.template.trust
     return float((trust * difference).sum()) / max(1e-9, float((trust * found.residual).sum()))
+
+
+def _aligned(target: Followed, scene: Scene, start: Warp, looseness: float) -> Alignment:
+    """Alignment from a start; of a small target over the ground that it is known to be in front of."""
+    template = target.template
+    ground = None
+    if template.size < OUTLINED_PX and template.compared > OUTLINED_FROM:
+        ground = _behind(target, scene, LEAST_AWAY_PX, start, template.shape, template.step_px)
+    if ground is None:
+        return align(scene.pixels, template, start, start.linear, looseness)
+    found = align(scene.pixels, over_ground(template, ground), start, start.linear, looseness)
+    residual = ((found.seen - template.pixels) ** 2).mean(axis=2)
+    return replace(found, residual=np.asarray(residual, np.float32))
 
 
 def _merit(target: Followed, found: Alignment, scene: Scene) -> float:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from calibration.arrays import Floats
-from pipeline.tracking.align import Alignment, align
+from pipeline.tracking.align import Alignment
 from pipeline.tracking.template import LARGEST_SPREAD, Pixels, Template, Warp, sample
 from pipeline.tracking.video import Image
 
@@ -28,19 +28,20 @@ def matches_nearby(
     predicted: Warp,
     reach_px: float,
     sigma_px: float,
-    looseness: float,
+    aligned: Callable[[Warp], Alignment],
     turn_rad: float = 0.0,
     behind: Behind | None = None,
 ) -> list[Alignment]:
     """Alignments within `reach_px` of the prediction; none where nothing correlates at all.
 
     sigma_px  of the prediction, per axis: far from it a match must be better
+    aligned   finds the template from a start close by
     turn_rad  by how much the target is to be turned first
     """
     c, s = np.cos(turn_rad), np.sin(turn_rad)
     predicted = Warp(linear=predicted.linear @ np.array([[c, -s], [s, c]]), centre_px=predicted.centre_px)
     return [
-        align(image, template, Warp(linear=predicted.linear, centre_px=start), predicted.linear, looseness)
+        aligned(Warp(linear=predicted.linear, centre_px=start))
         for start in candidates(image, template, predicted, reach_px, sigma_px, behind)
     ]
 

@@ -26,6 +26,7 @@ SMOOTHING_PX = 0.7  # of image and template alike, in template pixels: against n
 # squared grey levels: of a pixel that surely belongs to the target, of the box's corners, of the margin, at most
 DOUBT = 7.0**2  # added to the spread of a pixel where it votes
 LEAST_OWN, KNOWN = 0.03, 1.5  # say of a pixel that is surely the scene's; how soon what is known of that is believed
+GROUND_SPREAD = 8.0**2  # of known ground beside the target
 NOISE_SPREAD, CORNER_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 10.0**2, 25.0**2, 40.0**2
 
 
@@ -188,6 +189,15 @@ def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float, spr
         pixels=template.pixels + np.float32(rate) * (seen - template.pixels),
         spread=np.maximum(spread, NOISE_SPREAD / 4).astype(np.float32),
     )
+
+
+def over_ground(template: Template, ground: Pixels) -> Template:
+    """The template as it should look over known ground (h, w, 3): its outline tells as much as its inside."""
+    own = cv2.GaussianBlur(template.own, (0, 0), SMOOTHING_PX, borderType=cv2.BORDER_REPLICATE)
+    pixels = ground + own[:, :, None] * (template.pixels - ground)
+    spread = GROUND_SPREAD + own * (template.spread - GROUND_SPREAD)
+    nothing = np.zeros_like(template.spread)
+    return replace(template, pixels=pixels, spread=np.maximum(spread, NOISE_SPREAD / 4), apart=nothing, compared=0.0)
 
 
 def contrasted(template: Template, difference: Pixels, rate: float) -> Template:
