@@ -33,7 +33,7 @@ LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
 # what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
 TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
-GATE_SIGMAS, GATE_SIZE = 4.0, 0.35  # how far from the prediction a fix may be: sigmas, and share of the target's size
+GATE_SIGMAS, GATE_SIZE = 3.5, 0.1  # how far from the prediction a fix may be: sigmas, and share of the target's size
 NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
 # looks quite different
@@ -43,6 +43,7 @@ FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
 ODDS_MERIT, AWAY_DEMERIT, FIX_PX = 0.3, 0.03, 0.6  # of the odds logarithm; of the distance in sigmas, squared
 OUTLINED_PX, OUTLINED_FROM = 24.0, 0.5  # targets smaller than that are seen against known ground, once they are known
+TO_TURN, TURN_EVERY, TURNED_GAIN, OTHER_TURNS_RAD = 0.15, 3, 0.12, (0.3, -0.3, 0.7, -0.7)
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
@@ -125,7 +126,18 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
     good = [a for a in (found, *near) if a is not None and _holds(target, a, scene, least, TO_FOLLOW)]
     best = max(good, key=lambda a: _merit(target, a, scene), default=None)
+    if best is not None and best.score < target.usual[0] - TO_TURN and scene.frame % TURN_EVERY == 0:
+        best = _turned_better(target, best, scene)
     return (target if best is found else replace(target, coarse=None)), best
+
+
+def _turned_better(target: Followed, found: Alignment, scene: Scene) -> Alignment:
+    """The same place with the target turned further, where it looks clearly more like itself so."""
+    starts = [replace(found.warp, linear=found.warp.linear @ _rotation(turn)) for turn in OTHER_TURNS_RAD]
+    others = [_aligned(target, scene, start, 1.0) for start in starts]
+    best = max(others, key=lambda a: a.score)
+    clearly = best.score > found.score + TURNED_GAIN and _can_be_there(target, best)
+    return best if clearly else found
 
 
 def _searched(
@@ -198,7 +210,7 @@ def _can_be_there(target: Followed, found: Alignment) -> bool:
     off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
     return (
         found.inside >= LEAST_INSIDE
-        and off < GATE_SIGMAS * target.course.sigma_px + GATE_SIZE * size * scale + 1.0
+        and off < GATE_SIGMAS * math.hypot(target.course.sigma_px, FIX_PX) + GATE_SIZE * size * scale
         and 0.7 < scale / target.scale < 1.4
     )
 
