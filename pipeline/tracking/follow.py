@@ -37,7 +37,7 @@ GATE_SIGMAS, GATE_SIZE = 3.5, 0.1  # how far from the prediction a fix may be: s
 NEW_SCORE = 0.42
 # a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
 # looks quite different
-EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([-1.0, 0.6])
+EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([0.3, 0.6])
 TO_RETURN_SURE = np.array([0.3, 0.25])
 FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
@@ -201,7 +201,7 @@ def _holds(target: Followed, found: Alignment, scene: Scene, least_score: float,
         return False
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
     if odds is not None and odds > SURE_ODDS:
-        least = np.minimum(least, SURE if _expected(target, found) else target.usual - TO_RETURN_SURE)
+        least = np.minimum(least, SURE if _expected(target, found) and not target.pending else target.usual - TO_RETURN_SURE)
     return bool(np.all(seen >= least))
 
 
@@ -240,7 +240,7 @@ def _learned(
     usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
     turned = 0.0 if target.hidden or scene.dt_s <= 0 else _turned(found.warp.linear, target.linear) / scene.dt_s
     spin = float(np.clip(target.spin + SPIN_RATE * turned, -MOST_SPIN, MOST_SPIN))
-    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found, template.size_px)))
+    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found, template)))
     return replace(
         target,
         template=template,
@@ -346,18 +346,22 @@ def _fix(frame: int, found: Alignment, target: Followed) -> Fix:
         frame=frame,
         xy_px=(float(x), float(y)),
         linear=found.warp.linear,
-        sigma_px=_sigma_px(found, target.template.size_px),
+        sigma_px=_sigma_px(found, target.template),
         score=found.score,
     )
 
 
-def _sigma_px(found: Alignment, size_px: tuple[float, float]) -> float:
+def _sigma_px(found: Alignment, template: Template) -> float:
     """Of a fix, per axis: a floor, the match's own uncertainty, and what a changed view does to a solid thing.
+
+    The second grows where what was found differs more from the template than the target usually does.
 
     The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
     from one frame to the next.
     """
-    variance = float(found.covariance_px2[0, 0] + found.covariance_px2[1, 1]) / 2
+    size_px = template.size_px
+    misfit = float((template.trust * found.residual).sum()) / float((template.trust * template.spread).sum())
+    variance = max(1.0, misfit) * float(found.covariance_px2[0, 0] + found.covariance_px2[1, 1]) / 2
     larger, smaller = _stretches(found.warp.linear)
     changed = abs(math.log(larger * smaller)) / 2 + math.log(larger / smaller)
     view = VIEW_SHARE * changed * math.sqrt(size_px[0] * size_px[1] * larger * smaller)

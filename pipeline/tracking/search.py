@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.tracking.align import Alignment
-from pipeline.tracking.template import LARGEST_SPREAD, Pixels, Template, Warp, sample
+from pipeline.tracking.template import Pixels, Template, Warp, sample
 from pipeline.tracking.video import Image
 
 POOLED_FROM = 16  # template pixels on the shorter side from which half the resolution is enough to search
@@ -98,7 +98,7 @@ def _correlation(region: Pixels, look: Pixels, trust: Pixels) -> Pixels:
 def _log_odds(region: Pixels, ground: Pixels, look: Pixels, trust: Pixels) -> Pixels:
     """Half the logarithm of how much worse the scene behind explains each place than the template does."""
     weight = np.asarray(trust / trust.sum(), np.float32)
-    away = np.minimum(((region - ground) ** 2).mean(axis=2), LARGEST_SPREAD).astype(np.float32)
+    away = ((region - ground) ** 2).mean(axis=2)
     scene = cv2.matchTemplate(away, weight, cv2.TM_CCORR)
     square = cv2.matchTemplate((region**2).mean(axis=2), weight, cv2.TM_CCORR)
     mixed = cv2.matchTemplate(region, look * weight[:, :, None] / 3.0, cv2.TM_CCORR)

@@ -57,6 +57,8 @@ class Template:
     spread   (h, w) expected squared residual
     apart    (h, w) expected squared difference from the scene behind, times `compared`
     compared how much is known of that, 0 to 1: nothing until the target has moved in front of the scene
+    own      (h, w) how far each pixel belongs to the target, up to 1: those that follow it and differ from the scene;
+             all the same as long as nothing is known
     core     (h, w) true inside the first box
     step_px  distance of neighbouring template pixels in u
     size_px  (width, height) of the first box
@@ -65,6 +67,7 @@ class Template:
     pixels: Pixels
     spread: Pixels
     apart: Pixels
+    own: Pixels
     core: Bools
     step_px: float
     size_px: tuple[float, float]
@@ -79,17 +82,6 @@ class Template:
     def size(self) -> float:
         """Geometric mean of the first box's sides."""
         return math.sqrt(self.size_px[0] * self.size_px[1])
-
-    @cached_property
-    def own(self) -> Pixels:
-        """(h, w) how far each pixel belongs to the target, up to 1: those that follow it and differ from the scene.
-
-        All the same as long as nothing is known.
-        """
-        ratio = self.apart / (max(self.compared, 1e-6) * (self.spread + NOISE_SPREAD))
-        told = np.clip(ratio - 0.5, LEAST_OWN, 1.5)
-        known = min(1.0, KNOWN * self.compared)
-        return np.asarray(1.0 + known * (told / told.max() - 1.0), np.float32)
 
     @cached_property
     def trust(self) -> Pixels:
@@ -120,7 +112,10 @@ def first_template(image: Image, centre_px: Floats, size_px: tuple[float, float]
     pixels = sample(image, start, (h, w), step)
     oval = (ux[None, :] / size_px[0]) ** 2 + (uy[:, None] / size_px[1]) ** 2 <= 0.25
     spread = np.where(oval, NOISE_SPREAD, np.where(core, CORNER_SPREAD, OUTSIDE_SPREAD)).astype(np.float32)
-    return Template(pixels=pixels, spread=spread, apart=np.zeros_like(spread), core=core, step_px=step, size_px=size_px)
+    nothing, every = np.zeros_like(spread), np.ones_like(spread)
+    return Template(
+        pixels=pixels, spread=spread, apart=nothing, own=every, core=core, step_px=step, size_px=size_px
+    )  # fmt: skip
 
 
 def sample(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float = 0.0) -> Pixels:
@@ -196,12 +191,14 @@ def over_ground(template: Template, ground: Pixels) -> Template:
     own = cv2.GaussianBlur(template.own, (0, 0), SMOOTHING_PX, borderType=cv2.BORDER_REPLICATE)
     pixels = ground + own[:, :, None] * (template.pixels - ground)
     spread = GROUND_SPREAD + own * (template.spread - GROUND_SPREAD)
-    nothing = np.zeros_like(template.spread)
-    return replace(template, pixels=pixels, spread=np.maximum(spread, NOISE_SPREAD / 4), apart=nothing, compared=0.0)
+    every = np.ones_like(template.own)
+    return replace(template, pixels=pixels, spread=np.maximum(spread, NOISE_SPREAD / 4), own=every)
 
 
 def contrasted(template: Template, difference: Pixels, rate: float) -> Template:
     """The template after its pixels were compared with the scene behind: `difference` (h, w) squared."""
     apart = template.apart + np.float32(rate) * (np.minimum(difference, LARGEST_SPREAD) - template.apart)
     compared = template.compared + rate * (1.0 - template.compared)
-    return replace(template, apart=apart.astype(np.float32), compared=compared)
+    told = np.clip(apart / (compared * (template.spread + NOISE_SPREAD)) - 0.5, LEAST_OWN, 1.5)
+    own = 1.0 + min(1.0, KNOWN * compared) * (told / told.max() - 1.0)
+    return replace(template, apart=apart.astype(np.float32), own=own.astype(np.float32), compared=compared)
