@@ -319,7 +319,7 @@ def _behind(
     if not away:
         return None
     key = next((key for key in away if speed * key.age >= size), away[-1])
-    then, jacobian = moved(np.asarray(np.linalg.inv(key.cur_from_key)), warp.centre_px)
+    then, jacobian = moved(key.key_from_cur, warp.centre_px)
     if not _inside_image(then, key.pixels):
         return None
     return sample(key.pixels, Warp(linear=jacobian @ warp.linear, centre_px=then), shape, step_px)
