@@ -3,7 +3,7 @@
 predict   the course over the ground, carried by the background's motion (`kinematics`)
 look      the coarse tracker in a chip around the prediction (`coarse`)
 refine    sub-pixel alignment with the slowly adapting template (`align`)
-verify    correlation, share of agreeing pixels, distance from the prediction
+verify    correlation, share of agreeing pixels, distance from the prediction, odds against the scene behind (`verify`)
 hidden    no learning; the region where the target can be is searched (`search`); a find counts when the next frames
           confirm it
 """
@@ -18,36 +18,26 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.records import Box
-from pipeline.tracking.align import Alignment, align
-from pipeline.tracking.background import Scene, moved
+from pipeline.tracking.align import Alignment
+from pipeline.tracking.background import Scene
+from pipeline.tracking.behind import LEAST_AWAY_PX, aligned, difference_from_scene, ground_behind
 from pipeline.tracking.coarse import look, start_coarse
+from pipeline.tracking.fixes import SIGMA_FLOOR_PX, fix_of, sigma_px_of
 from pipeline.tracking.followed import Doubt, Fix, Followed
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import matches_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Pixels, Template, Warp, adapted, contrasted, first_template, over_ground, sample
+from pipeline.tracking.template import Template, Warp, adapted, contrasted, first_template
+from pipeline.tracking.verify import TO_FOLLOW, TO_LEARN, TO_RETURN, can_be_there, holds, merit
 from pipeline.tracking.video import Image
 
 CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
-LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
-# what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
-TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
-GATE_SIGMAS, GATE_SIZE = 3.5, 0.1  # how far from the prediction a fix may be: sigmas, and share of the target's size
 NEW_SCORE = 0.42
-# a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
-# looks quite different
-EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([0.3, 0.6])
-TO_RETURN_SURE = np.array([0.3, 0.25])
-FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
-LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
-ODDS_MERIT, AWAY_DEMERIT, FIX_PX = 0.3, 0.03, 0.6  # of the odds logarithm; of the distance in sigmas, squared
-OUTLINED_PX, OUTLINED_FROM = 24.0, 0.5  # targets smaller than that are seen against known ground, once they are known
 TO_TURN, TURN_EVERY, TURNED_GAIN, OTHER_TURNS_RAD = 0.15, 3, 0.12, (0.3, -0.3, 0.7, -0.7)
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
-SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
 
 
 def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
@@ -80,7 +70,7 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
         lost = _lost_again(target, scene) if target.pending else _lost(target, scene)
         return lost, ()
     target = _learned(target, image, found, scene, settings)
-    fix = _fix(frame, found, target)
+    fix = fix_of(frame, found, target.template)
     if not target.pending:
         return target, (fix,)
     assert target.doubt is not None
@@ -116,16 +106,18 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
         target = replace(target, coarse=coarse)
     found = None
     if start is not None:
-        found = _aligned(target, scene, replace(predicted, centre_px=start), 1.0)
-        if _holds(target, found, scene, settings.accept_score, TO_LEARN):
+        found = aligned(target, scene, replace(predicted, centre_px=start), 1.0)
+        if holds(target, found, scene, settings.accept_score, TO_LEARN):
             return target, found
     reach = 4.0 + 3.0 * target.course.sigma_px
-    behind = partial(_behind, target, scene, LEAST_AWAY_PX)
-    aligned = partial(_aligned, target, scene, looseness=1.0)
-    near = matches_nearby(image, target.template, predicted, reach, 2.0 + target.course.sigma_px, aligned, behind=behind)
+    behind = partial(ground_behind, target, scene, LEAST_AWAY_PX)
+    refined = partial(aligned, target, scene, looseness=1.0)
+    near = matches_nearby(
+        image, target.template, predicted, reach, 2.0 + target.course.sigma_px, refined, behind=behind
+    )
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
-    good = [a for a in (found, *near) if a is not None and _holds(target, a, scene, least, TO_FOLLOW)]
-    best = max(good, key=lambda a: _merit(target, a, scene), default=None)
+    good = [a for a in (found, *near) if a is not None and holds(target, a, scene, least, TO_FOLLOW)]
+    best = max(good, key=lambda a: merit(target, a, scene), default=None)
     if best is not None and best.score < target.usual[0] - TO_TURN and scene.frame % TURN_EVERY == 0:
         best = _turned_better(target, best, scene)
     return (target if best is found else replace(target, coarse=None)), best
@@ -134,9 +126,9 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
 def _turned_better(target: Followed, found: Alignment, scene: Scene) -> Alignment:
     """The same place with the target turned further, where it looks clearly more like itself so."""
     starts = [replace(found.warp, linear=found.warp.linear @ _rotation(turn)) for turn in OTHER_TURNS_RAD]
-    others = [_aligned(target, scene, start, 1.0) for start in starts]
+    others = [aligned(target, scene, start, 1.0) for start in starts]
     best = max(others, key=lambda a: a.score)
-    clearly = best.score > found.score + TURNED_GAIN and _can_be_there(target, best)
+    clearly = best.score > found.score + TURNED_GAIN and can_be_there(target, best)
     return best if clearly else found
 
 
@@ -153,19 +145,19 @@ def _searched(
     reach = 4.0 + 3.0 * target.course.sigma_px
     turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
-    behind = partial(_behind, target, scene, 1.5 * LEAST_AWAY_PX)
-    aligned = partial(_aligned, target, scene, looseness=looseness)
+    behind = partial(ground_behind, target, scene, 1.5 * LEAST_AWAY_PX)
+    refined = partial(aligned, target, scene, looseness=looseness)
     sigma = 2.0 + target.course.sigma_px
-    near = matches_nearby(image, target.template, predicted, reach, sigma, aligned, turn, behind)
-    good = [a for a in near if _holds(target, a, scene, settings.return_score, TO_RETURN)]
-    found = max(good, key=lambda a: _merit(target, a, scene), default=None)
+    near = matches_nearby(image, target.template, predicted, reach, sigma, refined, turn, behind)
+    good = [a for a in near if holds(target, a, scene, settings.return_score, TO_RETURN)]
+    found = max(good, key=lambda a: merit(target, a, scene), default=None)
     if found is None:
         return target, ()
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
     doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
     target = replace(target, hidden=False, coarse=None, doubt=doubt, lost_before_s=target.lost_s)
     return replace(
-        _learned(target, image, found, scene, settings, learn=False), pending=(_fix(frame, found, target),)
+        _learned(target, image, found, scene, settings, learn=False), pending=(fix_of(frame, found, target.template),)
     ), ()
 
 
@@ -189,38 +181,6 @@ def _in_view(course: Course, image: Image) -> bool:
     return bool(-slack < x < width + slack and -slack < y < height + slack)
 
 
-def _holds(target: Followed, found: Alignment, scene: Scene, least_score: float, slack: Floats) -> bool:
-    """Verification: it is where the target can be, it looks like the target, and not like the scene behind it."""
-    if not _can_be_there(target, found):
-        return False
-    seen = np.array([found.score, found.agreeing])
-    if not target.hidden and np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - TO_LEARN)):
-        return True
-    odds = _odds(target, found, scene, 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX)
-    if odds is not None and odds < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
-        return False
-    least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
-    if odds is not None and odds > SURE_ODDS:
-        least = np.minimum(least, SURE if _expected(target, found) and not target.pending else target.usual - TO_RETURN_SURE)
-    return bool(np.all(seen >= least))
-
-
-def _can_be_there(target: Followed, found: Alignment) -> bool:
-    size, scale = target.template.size, found.warp.scale
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
-    return (
-        found.inside >= LEAST_INSIDE
-        and off < GATE_SIGMAS * math.hypot(target.course.sigma_px, FIX_PX) + GATE_SIZE * size * scale
-        and 0.7 < scale / target.scale < 1.4
-    )
-
-
-def _expected(target: Followed, found: Alignment) -> bool:
-    """Whether it is just where it was expected, and was seen not long ago."""
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
-    return off < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
-
-
 def _learned(
     target: Followed, image: Image, found: Alignment, scene: Scene, settings: TrackingSettings, learn: bool = True
 ) -> Followed:
@@ -240,7 +200,7 @@ def _learned(
     usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
     turned = 0.0 if target.hidden or scene.dt_s <= 0 else _turned(found.warp.linear, target.linear) / scene.dt_s
     spin = float(np.clip(target.spin + SPIN_RATE * turned, -MOST_SPIN, MOST_SPIN))
-    course = corrected(target.course, found.warp.centre_px, max(0.1, _sigma_px(found, template)))
+    course = corrected(target.course, found.warp.centre_px, max(0.1, sigma_px_of(found, template)))
     return replace(
         target,
         template=template,
@@ -257,76 +217,8 @@ def _learned(
 
 def _set_apart(template: Template, target: Followed, found: Alignment, scene: Scene, rate: float) -> Template:
     """Compares the target with the same ground in an earlier frame, from before the target was there."""
-    difference = _difference_from_scene(target, found, scene, LEAST_AWAY_PX)
+    difference = difference_from_scene(target, found, scene, LEAST_AWAY_PX)
     return template if difference is None else contrasted(template, difference, rate)
-
-
-def _odds(target: Followed, found: Alignment, scene: Scene, least_px: float) -> float | None:
-    """How much worse the scene behind explains what was found than the target does (ratio of squared residuals).
-
-    None where the scene behind is not known.
-    """
-    difference = _difference_from_scene(target, found, scene, least_px)
-    if difference is None:
-        return None
-    trust = target.template.trust
-    return float((trust * difference).sum()) / max(1e-9, float((trust * found.residual).sum()))
-
-
-def _aligned(target: Followed, scene: Scene, start: Warp, looseness: float) -> Alignment:
-    """Alignment from a start; of a small target over the ground that it is known to be in front of."""
-    template = target.template
-    ground = None
-    if template.size < OUTLINED_PX and template.compared > OUTLINED_FROM:
-        ground = _behind(target, scene, LEAST_AWAY_PX, start, template.shape, template.step_px)
-    if ground is None:
-        return align(scene.pixels, template, start, start.linear, looseness)
-    found = align(scene.pixels, over_ground(template, ground), start, start.linear, looseness)
-    residual = ((found.seen - template.pixels) ** 2).mean(axis=2)
-    return replace(found, residual=np.asarray(residual, np.float32))
-
-
-def _merit(target: Followed, found: Alignment, scene: Scene) -> float:
-    """What speaks for one of several alignments: its look, its odds against the scene, how near the prediction it is."""
-    odds = _odds(target, found, scene, LEAST_AWAY_PX)
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
-    told = 0.0 if odds is None else ODDS_MERIT * math.log(min(max(odds, 0.3), 10.0))
-    return found.score + told - AWAY_DEMERIT * (off / math.hypot(target.course.sigma_px, FIX_PX)) ** 2
-
-
-def _difference_from_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> Pixels | None:
-    """Squared difference (h, w) of what was found from the same ground in an earlier frame.
-
-    least_px  that the target must have moved since; None where it has not, or the ground was not in view
-    """
-    if found.inside < 1.0:
-        return None
-    template = target.template
-    ground = _behind(target, scene, least_px, found.warp, template.shape, template.step_px)
-    return None if ground is None else np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
-
-
-def _behind(
-    target: Followed, scene: Scene, least_px: float, warp: Warp, shape: tuple[int, int], step_px: float
-) -> Pixels | None:
-    """The ground under a warp (h, w, 3) as an earlier frame has it, from when the target was not there.
-
-    least_px  that the target must have moved since; None where it has not, or the ground was not in view
-    """
-    speed = float(np.hypot(*target.course.velocity)) * scene.dt_s
-    size = target.template.size * warp.scale
-    away = [key for key in scene.keys if speed * key.age >= min(least_px, 0.5 * size)]
-    if not away:
-        return None
-    key = next((key for key in away if speed * key.age >= size), away[-1])
-    then, jacobian = moved(key.key_from_cur, warp.centre_px)
-    if not _inside_image(then, key.pixels):
-        return None
-    return sample(key.pixels, Warp(linear=jacobian @ warp.linear, centre_px=then), shape, step_px)
-
-
-def _inside_image(point_px: Floats, image: Image) -> bool:
-    return bool(np.all(point_px >= 0) and point_px[0] < image.shape[1] and point_px[1] < image.shape[0])
 
 
 def _rotation(angle_rad: float) -> Floats:
@@ -338,38 +230,3 @@ def _turned(linear: Floats, predicted: Floats) -> float:
     """How much further than predicted a target has turned, radians."""
     (a, b), (c, d) = (np.linalg.inv(predicted) @ linear).tolist()
     return math.atan2(c - b, a + d)
-
-
-def _fix(frame: int, found: Alignment, target: Followed) -> Fix:
-    x, y = found.warp.centre_px
-    return Fix(
-        frame=frame,
-        xy_px=(float(x), float(y)),
-        linear=found.warp.linear,
-        sigma_px=_sigma_px(found, target.template),
-        score=found.score,
-    )
-
-
-def _sigma_px(found: Alignment, template: Template) -> float:
-    """Of a fix, per axis: a floor, the match's own uncertainty, and what a changed view does to a solid thing.
-
-    The second grows where what was found differs more from the template than the target usually does.
-
-    The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
-    from one frame to the next.
-    """
-    size_px = template.size_px
-    misfit = float((template.trust * found.residual).sum()) / float((template.trust * template.spread).sum())
-    variance = max(1.0, misfit) * float(found.covariance_px2[0, 0] + found.covariance_px2[1, 1]) / 2
-    larger, smaller = _stretches(found.warp.linear)
-    changed = abs(math.log(larger * smaller)) / 2 + math.log(larger / smaller)
-    view = VIEW_SHARE * changed * math.sqrt(size_px[0] * size_px[1] * larger * smaller)
-    return math.sqrt(SIGMA_FLOOR_PX**2 + variance + view**2)
-
-
-def _stretches(linear: Floats) -> tuple[float, float]:
-    """Singular values of (2, 2), written out: larger, smaller."""
-    (a, b), (c, d) = linear.tolist()
-    turned, mirrored = math.hypot(a + d, b - c), math.hypot(a - d, b + c)
-    return (turned + mirrored) / 2, max(abs(turned - mirrored) / 2, 1e-9)
