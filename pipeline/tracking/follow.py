@@ -34,10 +34,11 @@ from pipeline.tracking.video import Image
 CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 NEW_SCORE = 0.42
-TO_TURN, TURN_EVERY, TURNED_GAIN, OTHER_TURNS_RAD = 0.15, 3, 0.12, (0.3, -0.3, 0.7, -0.7)
+TO_TURN, TURN_EVERY, TURNED_GAIN, OTHER_TURNS_RAD = 0.12, 2, 0.08, (0.3, -0.3, 0.7, -0.7)
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
+LARGEST_TURN_RAD = 0.15  # from one frame to the next; more is a correction
 
 
 def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
@@ -108,7 +109,7 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     if start is not None:
         found = aligned(target, scene, replace(predicted, centre_px=start), 1.0)
         if holds(target, found, scene, settings.accept_score, TO_LEARN):
-            return target, found
+            return target, _turned_better(target, found, scene)
     reach = 4.0 + 3.0 * target.course.sigma_px
     behind = partial(ground_behind, target, scene, LEAST_AWAY_PX)
     refined = partial(aligned, target, scene, looseness=1.0)
@@ -118,13 +119,14 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
     good = [a for a in (found, *near) if a is not None and holds(target, a, scene, least, TO_FOLLOW)]
     best = max(good, key=lambda a: merit(target, a, scene), default=None)
-    if best is not None and best.score < target.usual[0] - TO_TURN and scene.frame % TURN_EVERY == 0:
-        best = _turned_better(target, best, scene)
-    return (target if best is found else replace(target, coarse=None)), best
+    target = target if best is found else replace(target, coarse=None)
+    return target, best if best is None else _turned_better(target, best, scene)
 
 
 def _turned_better(target: Followed, found: Alignment, scene: Scene) -> Alignment:
-    """The same place with the target turned further, where it looks clearly more like itself so."""
+    """The same place with the target turned further, where it is in doubt and looks clearly more like itself so."""
+    if found.score >= target.usual[0] - TO_TURN or scene.frame % TURN_EVERY:
+        return found
     starts = [replace(found.warp, linear=found.warp.linear @ _rotation(turn)) for turn in OTHER_TURNS_RAD]
     others = [aligned(target, scene, start, 1.0) for start in starts]
     best = max(others, key=lambda a: a.score)
@@ -153,6 +155,7 @@ def _searched(
     found = max(good, key=lambda a: merit(target, a, scene), default=None)
     if found is None:
         return target, ()
+    found = _turned_better(target, found, scene)
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
     doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
     target = replace(target, hidden=False, coarse=None, doubt=doubt, lost_before_s=target.lost_s)
@@ -198,8 +201,10 @@ def _learned(
     if coarse is None or coarse.strayed:
         coarse = start_coarse(settings.tracker, image, found.warp, template.size_px)
     usual_rate = USUAL_RATE if whole or target.new else USUAL_RATE_IN_DOUBT
-    turned = 0.0 if target.hidden or scene.dt_s <= 0 else _turned(found.warp.linear, target.linear) / scene.dt_s
-    spin = float(np.clip(target.spin + SPIN_RATE * turned, -MOST_SPIN, MOST_SPIN))
+    turned = _turned(found.warp.linear, target.linear)
+    spin = target.spin
+    if learn and scene.dt_s > 0 and abs(turned) < LARGEST_TURN_RAD:
+        spin = float(np.clip(spin + SPIN_RATE * turned / scene.dt_s, -MOST_SPIN, MOST_SPIN))
     course = corrected(target.course, found.warp.centre_px, max(0.1, sigma_px_of(found, template)))
     return replace(
         target,
