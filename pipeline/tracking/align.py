@@ -79,8 +79,8 @@ def aligned_compiled(
     judged: Callable[..., tuple[Any, ...]] = _kernels.judged
     image_px, near = np.array(image.shape[1::-1], float), np.array(_near_px(template))
     linear, centre, inverse, seen, robust = settled(
-        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, template.own, near, SHARED_NOISE,
-        image_px, template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
+        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, template.own, near,
+        SHARED_NOISE, image_px, template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
         np.asarray(predicted_linear, float), _prior(looseness), ITERATIONS, ENOUGH_PX, ROBUST,
     )  # fmt: skip
     raw, light, residual, agreeing, score, inside = judged(

@@ -34,7 +34,9 @@ from pipeline.tracking.video import Image
 CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 NEW_SCORE = 0.42
-TO_TURN, TURN_EVERY, TURNED_GAIN, OTHER_TURNS_RAD = 0.12, 2, 0.08, (0.3, -0.3, 0.7, -0.7)
+# how far below the usual score other turns are tried, every so many frames; what one must gain, and may still lack
+TO_TURN, TURN_EVERY, TURNED_GAIN, TURNED_SHORT = 0.12, 2, 0.08, 0.06
+OTHER_TURNS_RAD = 0.3, -0.3, 0.7, -0.7
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
@@ -124,13 +126,13 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
 
 
 def _turned_better(target: Followed, found: Alignment, scene: Scene) -> Alignment:
-    """The same place with the target turned further, where it is in doubt and looks clearly more like itself so."""
+    """The same place with the target turned further, where it is in doubt and looks just like itself so."""
     if found.score >= target.usual[0] - TO_TURN or scene.frame % TURN_EVERY:
         return found
     starts = [replace(found.warp, linear=found.warp.linear @ _rotation(turn)) for turn in OTHER_TURNS_RAD]
     others = [aligned(target, scene, start, 1.0) for start in starts]
     best = max(others, key=lambda a: a.score)
-    clearly = best.score > found.score + TURNED_GAIN and can_be_there(target, best)
+    clearly = best.score > max(found.score + TURNED_GAIN, target.usual[0] - TURNED_SHORT) and can_be_there(target, best)
     return best if clearly else found
 
 

@@ -18,9 +18,10 @@ TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), 
 GATE_SIGMAS, GATE_SIZE = 3.5, 0.1  # how far from the prediction a fix may be: sigmas, and share of the target's size
 # a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
 # looks quite different
-EXPECTED_SIGMAS, EXPECTED_S, SURE = 2.0, 1.0, np.array([0.3, 0.6])
+EXPECTED_SIGMAS, EXPECTED_S = 2.0, 1.0
+SURE, VERY_SURE = np.array([0.3, 0.6]), np.array([0.5, 0.3])
 TO_RETURN_SURE = np.array([0.3, 0.25])
-FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS = 1.0, 1.5, 2.0  # of target against scene
+FOLLOW_ODDS, RETURN_ODDS, SURE_ODDS, VERY_SURE_ODDS = 1.0, 1.5, 2.0, 5.0  # of target against scene
 ODDS_MERIT, AWAY_DEMERIT, FIX_PX = 0.3, 0.03, 0.6  # of the odds' logarithm; of the distance in sigmas, squared
 
 
@@ -36,8 +37,9 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
         return False
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
     if odds is not None and odds > SURE_ODDS:
+        near = _expected(target, found) and not target.pending
         least = np.minimum(
-            least, SURE if _expected(target, found) and not target.pending else target.usual - TO_RETURN_SURE
+            least, (VERY_SURE if odds > VERY_SURE_ODDS else SURE) if near else target.usual - TO_RETURN_SURE
         )
     return bool(np.all(seen >= least))
 
