@@ -34,9 +34,10 @@ from pipeline.tracking.video import Image
 CONFIRMATIONS, MORE_EACH_S, MOST_CONFIRMATIONS = 2, 1.5, 6  # frames that must agree with a find; more after long losses
 USUAL_RATE, USUAL_RATE_IN_DOUBT, SPREAD_RATE = 0.05, 0.01, 0.05
 NEW_SCORE = 0.42
-# how far below the usual score other turns are tried, every so many frames; what one must gain, and may still lack
-TO_TURN, TURN_EVERY, TURNED_GAIN, TURNED_SHORT = 0.12, 2, 0.08, 0.06
-OTHER_TURNS_RAD = 0.3, -0.3, 0.7, -0.7
+# how far below the usual score other turns and places are tried; what one must gain, and may still lack
+IN_DOUBT, LEAST_GAIN, MOST_SHORT = 0.12, 0.08, 0.06
+OTHER_TURNS_RAD, BESIDE = (0.3, -0.3, 0.7, -0.7), 0.7  # and of its size
+MOST_PENDING = 15  # frames for which a find that never looks as usual is held back
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
@@ -72,13 +73,17 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
     if found is None:
         lost = _lost_again(target, scene) if target.pending else _lost(target, scene)
         return lost, ()
+    elsewhere = not can_be_there(target, found)
     target = _learned(target, image, found, scene, settings)
     fix = fix_of(frame, found, target.template)
     if not target.pending:
         return target, (fix,)
     assert target.doubt is not None
+    if elsewhere:
+        return replace(target, pending=(fix,), doubt=replace(target.doubt, anchor_px=found.warp.centre_px)), ()
     pending, doubt = (*target.pending, fix), target.doubt.later(scene)
-    if len(pending) <= doubt.frames:
+    as_usual = max(f.score for f in pending) > target.usual[0] - IN_DOUBT / 2
+    if len(pending) <= (doubt.frames if as_usual else MOST_PENDING):
         return replace(target, pending=pending, doubt=doubt), ()
     if doubt.stands_still(found.warp.centre_px):
         return _lost_again(target, scene), ()
@@ -111,7 +116,7 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     if start is not None:
         found = aligned(target, scene, replace(predicted, centre_px=start), 1.0)
         if holds(target, found, scene, settings.accept_score, TO_LEARN):
-            return target, _turned_better(target, found, scene)
+            return target, _put_right(target, found, scene)
     reach = 4.0 + 3.0 * target.course.sigma_px
     behind = partial(ground_behind, target, scene, LEAST_AWAY_PX)
     refined = partial(aligned, target, scene, looseness=1.0)
@@ -122,18 +127,24 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     good = [a for a in (found, *near) if a is not None and holds(target, a, scene, least, TO_FOLLOW)]
     best = max(good, key=lambda a: merit(target, a, scene), default=None)
     target = target if best is found else replace(target, coarse=None)
-    return target, best if best is None else _turned_better(target, best, scene)
+    return target, best if best is None else _put_right(target, best, scene)
 
 
-def _turned_better(target: Followed, found: Alignment, scene: Scene) -> Alignment:
-    """The same place with the target turned further, where it is in doubt and looks just like itself so."""
-    if found.score >= target.usual[0] - TO_TURN or scene.frame % TURN_EVERY:
+def _put_right(target: Followed, found: Alignment, scene: Scene) -> Alignment:
+    """The target turned further or beside where it was found, where it is in doubt and looks just like itself so."""
+    if found.score >= target.usual[0] - IN_DOUBT:
         return found
-    starts = [replace(found.warp, linear=found.warp.linear @ _rotation(turn)) for turn in OTHER_TURNS_RAD]
-    others = [aligned(target, scene, start, 1.0) for start in starts]
-    best = max(others, key=lambda a: a.score)
-    clearly = best.score > max(found.score + TURNED_GAIN, target.usual[0] - TURNED_SHORT) and can_be_there(target, best)
-    return best if clearly else found
+    refined = partial(aligned, target, scene, looseness=1.0)
+    if scene.frame % 2:
+        reach = BESIDE * target.template.size * found.warp.scale
+        behind = partial(ground_behind, target, scene, LEAST_AWAY_PX)
+        others = matches_nearby(scene.pixels, target.template, found.warp, reach, reach, refined, behind=behind)
+    else:
+        turned = [found.warp.linear @ _rotation(turn) for turn in OTHER_TURNS_RAD]
+        others = [refined(replace(found.warp, linear=linear)) for linear in turned]
+    least = max(found.score + LEAST_GAIN, target.usual[0] - MOST_SHORT)
+    better = [other for other in others if other.score > least and other.inside == 1.0]
+    return max(better, key=lambda a: a.score, default=found)
 
 
 def _searched(
@@ -157,7 +168,7 @@ def _searched(
     found = max(good, key=lambda a: merit(target, a, scene), default=None)
     if found is None:
         return target, ()
-    found = _turned_better(target, found, scene)
+    found = _put_right(target, found, scene)
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
     doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
     target = replace(target, hidden=False, coarse=None, doubt=doubt, lost_before_s=target.lost_s)
@@ -207,7 +218,10 @@ def _learned(
     spin = target.spin
     if learn and scene.dt_s > 0 and abs(turned) < LARGEST_TURN_RAD:
         spin = float(np.clip(spin + SPIN_RATE * turned / scene.dt_s, -MOST_SPIN, MOST_SPIN))
-    course = corrected(target.course, found.warp.centre_px, max(0.1, sigma_px_of(found, template)))
+    course = target.course
+    if not can_be_there(target, found):  # it was put right
+        course = replace(course, position_px=found.warp.centre_px)
+    course = corrected(course, found.warp.centre_px, max(0.1, sigma_px_of(found, template)))
     return replace(
         target,
         template=template,
