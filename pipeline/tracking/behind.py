@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from pipeline.tracking.template import Pixels, Warp, over_ground, sample
 from pipeline.tracking.video import Image
 
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
+TOLD_FROM = 0.4  # how much of its own look must be known of a target for odds
 OUTLINED_PX, OUTLINED_FROM = 24.0, 0.5  # targets smaller than that are seen against known ground, once they are known
 
 
@@ -36,6 +39,11 @@ def ground_behind(
     return sample(key.pixels, Warp(linear=jacobian @ warp.linear, centre_px=then), shape, step_px)
 
 
+def behind_of(target: Followed, scene: Scene, least_px: float) -> Callable[..., Pixels | None] | None:
+    """`ground_behind` of a target for any warp, shape and step; None as long as its own pixels are not known."""
+    return partial(ground_behind, target, scene, least_px) if target.template.compared >= TOLD_FROM else None
+
+
 def difference_from_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> Pixels | None:
     """Squared difference (h, w) of what was found from the same ground in an earlier frame.
 
@@ -51,8 +59,10 @@ def difference_from_scene(target: Followed, found: Alignment, scene: Scene, leas
 def odds_against_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> float | None:
     """How much worse the scene behind explains what was found than the target does (ratio of squared residuals).
 
-    None where the scene behind is not known.
+    None where the scene behind is not known, or not yet which pixels are the target's own.
     """
+    if target.template.compared < TOLD_FROM:  # what else its box holds would speak against it
+        return None
     difference = difference_from_scene(target, found, scene, least_px)
     if difference is None:
         return None

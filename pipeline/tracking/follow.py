@@ -20,7 +20,7 @@ from calibration.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.align import Alignment
 from pipeline.tracking.background import Scene
-from pipeline.tracking.behind import LEAST_AWAY_PX, aligned, difference_from_scene, ground_behind
+from pipeline.tracking.behind import LEAST_AWAY_PX, aligned, behind_of, difference_from_scene
 from pipeline.tracking.coarse import look, start_coarse
 from pipeline.tracking.fixes import SIGMA_FLOOR_PX, fix_of, sigma_px_of
 from pipeline.tracking.followed import Doubt, Fix, Followed
@@ -118,7 +118,7 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
         if holds(target, found, scene, settings.accept_score, TO_LEARN):
             return target, _put_right(target, found, scene)
     reach = 4.0 + 3.0 * target.course.sigma_px
-    behind = partial(ground_behind, target, scene, LEAST_AWAY_PX)
+    behind = behind_of(target, scene, LEAST_AWAY_PX)
     refined = partial(aligned, target, scene, looseness=1.0)
     near = matches_nearby(
         image, target.template, predicted, reach, 2.0 + target.course.sigma_px, refined, behind=behind
@@ -137,7 +137,7 @@ def _put_right(target: Followed, found: Alignment, scene: Scene) -> Alignment:
     refined = partial(aligned, target, scene, looseness=1.0)
     if scene.frame % 2:
         reach = BESIDE * target.template.size * found.warp.scale
-        behind = partial(ground_behind, target, scene, LEAST_AWAY_PX)
+        behind = behind_of(target, scene, LEAST_AWAY_PX)
         others = matches_nearby(scene.pixels, target.template, found.warp, reach, reach, refined, behind=behind)
     else:
         turned = [found.warp.linear @ _rotation(turn) for turn in OTHER_TURNS_RAD]
@@ -160,7 +160,7 @@ def _searched(
     reach = 4.0 + 3.0 * target.course.sigma_px
     turn = TURNS_RAD[frame % len(TURNS_RAD)] * (1 + frame // len(TURNS_RAD) % _turns(target.lost_s))
     looseness = min(2.0 + 10.0 * target.lost_s, 8.0)
-    behind = partial(ground_behind, target, scene, 1.5 * LEAST_AWAY_PX)
+    behind = behind_of(target, scene, 1.5 * LEAST_AWAY_PX)
     refined = partial(aligned, target, scene, looseness=looseness)
     sigma = 2.0 + target.course.sigma_px
     near = matches_nearby(image, target.template, predicted, reach, sigma, refined, turn, behind)

@@ -15,6 +15,7 @@ from pipeline.tracking.followed import Followed
 LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
 # what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
 TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
+NEW_SLACK = 1.6  # of a new target, whose box still holds what is around it
 GATE_SIGMAS, GATE_SIZE = 3.5, 0.1  # how far from the prediction a fix may be: sigmas, and share of the target's size
 # a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
 # looks quite different
@@ -35,7 +36,7 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
     odds = odds_against_scene(target, found, scene, 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX)
     if odds is not None and odds < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
         return False
-    least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (1.4 if target.new else 1.0))
+    least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (NEW_SLACK if target.new else 1.0))
     if odds is not None and odds > SURE_ODDS:
         near = _expected(target, found) and not target.pending
         least = np.minimum(
