@@ -71,6 +71,19 @@ def in_line(grid: Floats) -> Bools:
     return good.reshape(rows, cols)
 
 
+def laid_in(grid: Floats, seen: Bools) -> Floats:
+    """The grid with the corners that were not `seen` where a smooth surface through the others puts them."""
+    rows, cols = grid.shape[:2]
+    plane, terms, _ = _surface(rows, cols)
+    flat, good = grid.reshape(-1, 2), seen.ravel()
+    first, _ = cv2.findHomography(plane[good], flat[good])
+    if np.ndim(first) != 2:
+        return grid
+    smooth = cv2.perspectiveTransform(plane[None], first)[0]
+    smooth = smooth + terms @ np.linalg.lstsq(terms[good], (flat - smooth)[good], rcond=None)[0]
+    return np.where(seen[..., None], grid, smooth.reshape(rows, cols, 2))
+
+
 @lru_cache(maxsize=16)
 def _surface(rows: int, cols: int) -> tuple[Floats, Floats, Floats]:
     """Grid places (n, 2) from -1 to 1, cubic terms (n, 10) there, and what a fit of those leaves (n, n)."""
