@@ -20,7 +20,7 @@ WORTH = 0.99
 """A simpler model must predict unseen views this much better than the usual 5 terms. A term dropped because it does
 not help is not known to be zero: left out at 1.4 sigma of its own it moves its neighbours by 5 of theirs."""
 
-LEAST_NOISE_PX = 0.01
+LEAST_NOISE_PX = 0.003
 LONG_LENS, WIDE_LENS = 3.0, 0.5
 """Focal length over the image's longer side from which a lens is long, up to which it is wide."""
 

@@ -16,7 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust, normals, prior, project_all, project_with_jacobian, solvable
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
+
+CLEARLY_MORE = 1.4
+"""Scatter of one view's corners, found from some hundred differences, over the usual one: no accident from here on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +91,7 @@ def held_out_px(model: Model, fit: Fit, corners: Corners, without_view: Floats) 
             view=np.zeros(rows.stop - rows.start, int),
             views=1,
             height=corners.height,
+            weight=corners.weight[rows],
         )
         alone = Fit(
             intrinsics=without_view[v],
@@ -96,7 +100,7 @@ def held_out_px(model: Model, fit: Fit, corners: Corners, without_view: Floats) 
             turn_rad=fit.turn_rad[v : v + 1],
             bend_m=np.zeros_like(fit.bend_m),
             residual_px=fit.residual_px[rows],
-            weight=np.ones(len(one.xy)),
+            weight=one.weight,
         )
         error[v] = adjust(moved_board, alone, one, max_iterations=4).rms_px
     return error
@@ -118,16 +122,27 @@ def corner_noise_px(views_grids: list[Floats]) -> float:
     return float(np.sqrt(every.mean())) if len(every) else float("nan")
 
 
-def projection_sigma_px(model: Model, intrinsics: Floats, covariance: Floats, rays: Floats) -> Floats:
+def believed(corners: Corners, grids: list[Floats]) -> Corners:
+    """The corners with less weight in views whose corners scatter more than is usual in the set: smeared, noisy ones."""
+    noise = np.array([corner_noise_px([grid]) for grid in grids])
+    usual = float(np.nanmedian(noise)) if np.isfinite(noise).any() else float("nan")
+    more = np.where(noise > CLEARLY_MORE * usual, noise / usual, 1.0)
+    return replace(corners, weight=corners.weight / more[corners.view] ** 2)
+
+
+def projection_sigma_px(
+    model: Model, intrinsics: Floats, covariance: Floats, rays: Floats, levelled: Bools | None = None
+) -> Floats:
     """(n,) sigma of where the camera puts a direction: root of the trace of a pixel's covariance.
 
-    `rays` (n, 3) are directions that spread over the image. A change of intrinsics that a rotation of
-    the camera undoes does no harm (the pose takes it up), so the best common rotation is taken off first.
+    A change of intrinsics that a rotation of the camera undoes does no harm (the pose takes it up), so the rotation
+    that is best over the rays `levelled` (all of them, where not given) is taken off first. `rays` (n, 3).
     """
     _, by_point, by_intrinsics = project_with_jacobian(model.lens, intrinsics, rays)
     turn = np.stack([by_point @ np.cross(axis, rays)[:, :, None] for axis in np.eye(3)], axis=2)[..., 0]
-    flat_turn, flat = turn.reshape(-1, 3), by_intrinsics.reshape(-1, len(intrinsics))
-    left = (flat - flat_turn @ np.linalg.lstsq(flat_turn, flat, rcond=None)[0]).reshape(by_intrinsics.shape)
+    used = slice(None) if levelled is None else levelled
+    flat_turn, flat = turn[used].reshape(-1, 3), by_intrinsics[used].reshape(-1, len(intrinsics))
+    left = by_intrinsics - turn @ np.linalg.lstsq(flat_turn, flat, rcond=None)[0]
     return np.asarray(np.sqrt(np.einsum("nij,jk,nik->n", left, covariance, left)))
 
 
