@@ -1,7 +1,8 @@
 """Finding the board in a photo: coarsely on a reduced image, then every corner on the full one.
 
 The coarse search (`findChessboardCorners` on an image a few hundred pixels wide) costs milliseconds and is right to
-about a pixel of the reduced image; the refinement (refine.py) decides the accuracy: about 0.01 px. Where the coarse search fails, larger images and the sector-based detector are tried.
+about a pixel of the reduced image; the refinement (refine.py) decides the accuracy: about 0.01 px. Where the coarse
+search fails, larger images and the sector-based detector are tried.
 Corners that the image does not show (a finger, a glare) are dropped.
 """
 
@@ -61,13 +62,13 @@ def _verified(gray: cv2.typing.MatLike, coarse: Floats, factor: int) -> tuple[Fl
 
     A hidden corner bends the grid by which its neighbours were refined, so it is laid in anew and they are done again.
     """
-    grid, blur_px = refined(gray, coarse, OFF_PX * factor)
-    moved = np.sqrt(np.sum((grid - coarse) ** 2, axis=2))
-    seen = seen_corners(gray, grid) & (moved < 0.3 * spacing_px(coarse))
-    if seen.all() or seen.sum() < MIN_SEEN * seen.size:
-        return grid, seen, blur_px
-    again, blur_px = refined(gray, laid_in(grid, seen), OFF_PX)
-    return again, seen & seen_corners(gray, again), blur_px
+    found = refined(gray, coarse, OFF_PX * factor)
+    moved = np.sqrt(np.sum((found.grid - coarse) ** 2, axis=2))
+    seen = seen_corners(gray, found.grid) & (moved < 0.3 * spacing_px(coarse))
+    if seen.sum() < MIN_SEEN * seen.size or (seen & found.whole).all():
+        return found.grid, seen, found.blur_px
+    again = refined(gray, laid_in(found.grid, seen), OFF_PX)
+    return again.grid, seen & again.whole & seen_corners(gray, again.grid), again.blur_px
 
 
 def coarse_grids(gray: cv2.typing.MatLike, board: Board) -> Iterator[tuple[Floats, int]]:

@@ -17,13 +17,14 @@ squared gradients of the noise too, and takes edges as straight.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from math import erf
 
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
 from calibration.squares import edge_blur_px, middle_of, steps
 
 REACH = 0.42
@@ -35,25 +36,42 @@ ACROSS = np.linspace(-2.4, 2.4, 7)
 START_BLUR_PX, LEAST_BLUR_PX = 2.0, 0.6
 ALONG_PX, MOST_ALONG = 2.0, 16
 LEAST_LENGTH = 1e-3
+LEAST_APART_PX, TIMES_APART = 0.2, 8.0
+"""The halves of an edge may want the corner this far apart, or this many times what is usual: else it is hidden."""
+
 
 _STEP = np.array([erf(s / np.sqrt(2)) for s in ACROSS], np.float32)
 _SLOPE = (np.exp(-(ACROSS**2) / 2) * np.sqrt(2 / np.pi)).astype(np.float32)
 
 
-def refined(gray: cv2.typing.MatLike, grid: Floats, off_px: float) -> tuple[Floats, tuple[float, float]]:
-    """Corners (rows, cols, 2) to about 0.01 px from ones that are `off_px` off, and the edges' blur (`edge_blur_px`)."""
-    near = sharpened(gray, grid, max(START_BLUR_PX, off_px))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refined:
+    """Corners (rows, cols, 2), which of them have whole edges (rows, cols), and the edges' blur (`edge_blur_px`)."""
+
+    grid: Floats
+    whole: Bools
+    blur_px: tuple[float, float]
+
+
+def refined(gray: cv2.typing.MatLike, grid: Floats, off_px: float) -> Refined:
+    """Corners to about 0.01 px from ones (rows, cols, 2) that are `off_px` off."""
+    near = sharpened(gray, grid, max(START_BLUR_PX, off_px))[0]
     if off_px > START_BLUR_PX:
-        near = sharpened(gray, near, START_BLUR_PX)
+        near = sharpened(gray, near, START_BLUR_PX)[0]
     blur = edge_blur_px(gray, near)
     usual = float(np.hypot(*blur) / np.sqrt(2))
-    return sharpened(gray, near, max(LEAST_BLUR_PX, usual) if usual == usual else 1.0), blur
+    exact, apart_px = sharpened(gray, near, max(LEAST_BLUR_PX, usual) if usual == usual else 1.0)
+    whole = apart_px < max(LEAST_APART_PX, TIMES_APART * middle_of(apart_px))
+    return Refined(grid=exact, whole=np.asarray(whole.all(axis=0).reshape(grid.shape[:2])), blur_px=blur)
 
 
-def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float) -> Floats:
-    """Corners (rows, cols, 2) moved once, on edges as wide as `blur_px`; at most by twice that."""
-    rows, cols = grid.shape[:2]
-    surface, across = _surface(grid), _first(grid)
+def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float) -> tuple[Floats, Floats]:
+    """Corners (rows, cols, 2) moved once, on edges as wide as `blur_px`; at most by twice that.
+
+    Also (2, n): how far apart the two halves of an edge, on either side of the corner, want it.
+    """
+    surface = _surface(grid)
+    across = surface[:, :, :, 3].copy()
     length = np.sqrt(np.maximum(np.sum(across**2, axis=2), LEAST_LENGTH))
     area = np.maximum(np.abs(across[0, :, 0] * across[1, :, 1] - across[0, :, 1] * across[1, :, 0]), LEAST_LENGTH)
     sigma = blur_px * length[::-1] / area
@@ -63,26 +81,39 @@ def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float) -> Floats:
     surface[:, :, :, 5] *= narrow[:, :, None] ** 2
     x, y = (surface[:, :, k].reshape(-1, 6).astype(np.float32) @ terms for k in (0, 1))
     tone = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    weight = np.tanh(along / sigma[::-1, :, None]).astype(np.float32)
-    strips = np.asarray(tone, np.float32).reshape(2, rows * cols, len(along), len(ACROSS))
-    profile = (weight[:, :, None] @ strips)[:, :, 0]
-    shift = -(profile @ _SLOPE) * (_STEP @ _STEP) / ((profile @ _STEP) * (_SLOPE @ _SLOPE) + 1e-6)
-    moved = np.clip(shift, -2, 2) * narrow
-    return np.asarray(grid + np.sum(moved[:, :, None] * across, axis=0).reshape(grid.shape))
+    strips = np.asarray(tone, np.float32).reshape(*sigma.shape, 2, len(along) // 2, len(ACROSS))
+    weight = np.tanh(along / sigma[::-1, :, None]).astype(np.float32).reshape(*sigma.shape, 2, 1, -1)
+    halves = (weight @ strips)[:, :, :, 0]
+    moved = narrow * np.clip(_shift(halves.sum(axis=2)), -2, 2)
+    first, second = _shift(halves[:, :, 0]), _shift(halves[:, :, 1])
+    apart_px = np.abs(first - second) * narrow / sigma * blur_px
+    return np.asarray(grid + np.sum(moved[:, :, None] * across, axis=0).reshape(grid.shape)), apart_px
 
 
-def _first(grid: Floats) -> Floats:
-    """Differences to the next column and to the next row, (2, n, 2)."""
-    return np.stack(steps(grid)).reshape(2, -1, 2)
+def _shift(profile: Floats) -> Floats:
+    """Where the step in profiles (..., s) of the brightness across an edge is, in sigmas."""
+    contrast = profile @ (_STEP / (_STEP @ _STEP))
+    size = np.where(contrast < 0, -1, 1) * np.maximum(np.abs(contrast), 1e-3)
+    return np.asarray(-(profile @ (_SLOPE / (_SLOPE @ _SLOPE))) / size)
 
 
 def _surface(grid: Floats) -> Floats:
     """(2, n, 2, 6) for both edges, every corner, x and y: the factors of 1, b, b^2, a, a b, a^2, a across the edge."""
-    e1, e2 = steps(grid)
-    d1, d2 = _second(grid) / 2, _second(grid.swapaxes(0, 1)).swapaxes(0, 1) / 2
-    mixed = steps(e1)[1]
+    turned = grid.swapaxes(0, 1)
+    d1, d2 = _second(grid) / 2, _second(turned) / 2
+    e1, e2 = _first(grid, d1), _first(turned, d2).swapaxes(0, 1)
+    d2, mixed = d2.swapaxes(0, 1), steps(e1)[1]
     both = np.stack([grid, e2, d2, e1, mixed, d1, grid, e1, d1, e2, mixed, d2])
     return np.ascontiguousarray(both.reshape(2, 6, -1, 2).transpose(0, 2, 3, 1))
+
+
+def _first(grid: Floats, half_second: Floats) -> Floats:
+    """First derivative along the second axis, to second order at its ends too."""
+    made = np.empty_like(grid)
+    made[:, 1:-1] = (grid[:, 2:] - grid[:, :-2]) / 2
+    made[:, 0] = grid[:, 1] - grid[:, 0] - half_second[:, 0]
+    made[:, -1] = grid[:, -1] - grid[:, -2] + half_second[:, -1]
+    return made
 
 
 def _second(grid: Floats) -> Floats:

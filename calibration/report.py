@@ -42,7 +42,8 @@ def calibration_page(
 <p>{width} x {height}, {escape(found.lens)}, {len(found.views)} views of a {escape(found.board.name)} board.
 Verdict: <span class="verdict" style="color:{COLOURS[found.verdict]}">{found.verdict}</span>.</p>
 <p>Reprojection error {found.rms_px:.3f} px RMS; views predicted from all the others {found.held_out_px:.3f} px; a
-direction is known to {known.typical_px:.2f} px typically, {known.worst_px:.2f} px at worst (one sigma) where boards were seen{_elsewhere(found)}.</p>
+direction is known to {known.typical_px:.2f} px typically, {known.worst_px:.2f} px at worst (one sigma) where boards
+were seen{_elsewhere(found)}.</p>
 {_list("What is wrong", found.warnings)}{_list("What to photograph next", found.advice)}
 <h2>Intrinsics</h2>{_intrinsics(found)}
 {_correlated(found)}

@@ -26,8 +26,7 @@ from calibration.verdict import Diagnosis, advice, judge, refuse_undetermined
 from calibration.views import BoardView
 
 LEAST_VIEWS = 3
-FAR_SIGMAS = 3.5
-"""A corner further off than this, as a distance in sigmas of one coordinate, pulls no harder: 0.2 % of good ones are."""
+ROUNDS = 3
 
 BOARD_SIGMA = (0.001, 0.001, 0.005)
 """Prior of the board's shape over its longer side: printers and paper in the plane, boards that bend out of it."""
@@ -51,7 +50,7 @@ def calibrate(
     board_m = board.points_m - board.points_m.mean(axis=0)
     noise = corner_noise_px([grid_of(v, board.cols, board.rows) for v in views])
     views, outliers, start = _without_outliers(views, board_m, terms, noise)
-    corners = believed(stacked(views), [grid_of(v, board.cols, board.rows) for v in views])
+    corners = stacked(views)
     best = _best(corners, views, board_m, terms, noise, start)
     best, diagnosis = _diagnosed(best, corners, noise, board)
     best, corners = _settled(best, corners)
@@ -197,16 +196,14 @@ def _diagnosed(best: Candidate, corners: Corners, noise: float, board: Board) ->
 
 
 def _settled(best: Candidate, corners: Corners) -> tuple[Candidate, Corners]:
-    """The same lens with the pull of single corners that are far off bounded: a reflection, a dirty square."""
-    limit = FAR_SIGMAS * best.uncertainty.sigma0_px / np.sqrt(corners.weight)
-    off = np.linalg.norm(best.fit.residual_px, axis=1)
-    if not (off > limit).any():
-        return best, corners
-    for _ in range(3):
-        less = replace(corners, weight=corners.weight * np.minimum(1, limit / np.maximum(off, limit)))
-        fit = adjust(best.model, best.fit, less, noise_px=best.uncertainty.sigma0_px, max_iterations=10)
-        off = np.linalg.norm(fit.residual_px, axis=1)
-    return judged(best.name, best.model, fit, less), less
+    """The same lens, with less weight on views and corners that are less exact."""
+    weighed, fit = corners, best.fit
+    for _ in range(ROUNDS):
+        weighed = believed(fit, weighed)
+        if weighed.weight.min() == 1:
+            return best, corners
+        fit = adjust(best.model, fit, weighed, noise_px=best.uncertainty.sigma0_px, max_iterations=10)
+    return judged(best.name, best.model, fit, weighed), weighed
 
 
 def _sigma0(model: Model, fit: Fit, corners: Corners) -> float:
@@ -258,7 +255,7 @@ def _calibration(
         bend_m=best.fit.bend_m if diagnosis.bent else None,
         verdict=verdict,
         warnings=warnings,
-        advice=advice(reach, len(used)),
+        advice=advice(reach, len(used), known, views[0].image_size),
     )
 
 

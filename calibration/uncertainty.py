@@ -19,7 +19,11 @@ from calibration.adjust import Corners, Fit, Model, adjust, normals, prior, proj
 from calibration.arrays import Bools, Floats
 
 CLEARLY_MORE = 1.4
-"""Scatter of one view's corners, found from some hundred differences, over the usual one: no accident from here on."""
+"""Scatter of one view's corners over the usual one: no accident from here on."""
+FAR_SIGMAS = 3.5
+"""As a distance, in sigmas of one coordinate: 0.2 % of good corners are further off."""
+MEDIAN_OFF = float(np.sqrt(2 * np.log(2)))
+"""Median distance of a corner that is off by one sigma per coordinate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,12 +126,21 @@ def corner_noise_px(views_grids: list[Floats]) -> float:
     return float(np.sqrt(every.mean())) if len(every) else float("nan")
 
 
-def believed(corners: Corners, grids: list[Floats]) -> Corners:
-    """The corners with less weight in views whose corners scatter more than is usual in the set: smeared, noisy ones."""
-    noise = np.array([corner_noise_px([grid]) for grid in grids])
-    usual = float(np.nanmedian(noise)) if np.isfinite(noise).any() else float("nan")
-    more = np.where(noise > CLEARLY_MORE * usual, noise / usual, 1.0)
-    return replace(corners, weight=corners.weight / more[corners.view] ** 2)
+def believed(fit: Fit, corners: Corners) -> Corners:
+    """The corners with less weight where they are less exact: smeared or noisy views, and single ones far off.
+
+    A view's own scatter is that of its residuals; only what no accident explains lowers its weight. The pull of a
+    corner beyond `FAR_SIGMAS` of its view is bounded (Huber): a reflection, a dirty square.
+    """
+    off = np.linalg.norm(fit.residual_px, axis=1)
+    count = np.bincount(corners.view, minlength=corners.views)
+    middle = np.array([np.median(off[corners.rows(v)]) for v in range(corners.views)]) / MEDIAN_OFF
+    scatter = middle * np.sqrt(2 * count / np.maximum(2 * count - 6, 1))
+    usual = float(np.median(scatter))
+    scatter = np.where(scatter > CLEARLY_MORE * usual, scatter, usual)
+    limit = FAR_SIGMAS * scatter[corners.view]
+    far = np.minimum(1, limit / np.maximum(off, np.maximum(limit, 1e-12)))
+    return replace(corners, weight=(usual / np.maximum(scatter, 1e-12))[corners.view] ** 2 * far)
 
 
 def projection_sigma_px(

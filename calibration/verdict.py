@@ -101,7 +101,7 @@ def judge(
         *_few_views(len(views)),
         *_bad_views(views, rejected),
         *_motion_blur(views),
-        *_reach(reach, known, image_size),
+        *_reach(reach, known),
         *_bent(diagnosis),
         *hazy,
     ]
@@ -113,7 +113,7 @@ def judge(
 
 def _misfit(best: Candidate, noise_px: float, diagnosis: Diagnosis) -> list[str]:
     rms, words = best.fit.rms_px, []
-    left = best.uncertainty.sigma0_px
+    left = diagnosis.sigma0_px
     if rms > 0.7 or (noise_px == noise_px and left > 5 * noise_px and left > 0.15):
         words.append(
             f"the lens model leaves {rms:.2f} px RMS, though neighbouring corners agree to {noise_px:.2f} px: "
@@ -128,9 +128,14 @@ def _misfit(best: Candidate, noise_px: float, diagnosis: Diagnosis) -> list[str]
     return words
 
 
+def worth_px(image_size: tuple[int, int]) -> float:
+    """What one sighting in a video is worth: 1 px, in large images 0.1 % of their width."""
+    return max(1.0, image_size[0] / 1000)
+
+
 def _unsure(known: DirectionSigma, image_size: tuple[int, int]) -> tuple[list[str], list[str]]:
     """(reasons for "poor", reasons for "usable")."""
-    limit = max(1.0, image_size[0] / 1000)
+    limit = worth_px(image_size)
     words = [
         f"directions are uncertain by {known.typical_px:.1f} px typically and {known.worst_px:.1f} px at worst (one "
         "sigma over the part of the image that boards reached)"
@@ -170,7 +175,7 @@ def _motion_blur(views: Sequence[CalibratedView]) -> list[str]:
     return words
 
 
-def _reach(reach: Coverage, known: DirectionSigma, image_size: tuple[int, int]) -> list[str]:
+def _reach(reach: Coverage, known: DirectionSigma) -> list[str]:
     words = []
     regions = missing_regions(reach.seen)
     if reach.area < ENOUGH_AREA:
@@ -178,8 +183,6 @@ def _reach(reach: Coverage, known: DirectionSigma, image_size: tuple[int, int]) 
     if regions:
         where = f"no board reached the image's {', '.join(regions)}"
         words.append(f"{where}: the lens is extrapolated there, {_extrapolated(known)}")
-    elif known.beyond_px > 2 * max(1.0, image_size[0] / 1000):
-        words.append(f"no board reached the outermost part of the image: {_extrapolated(known)}")
     if reach.tilt_deg.max() < ENOUGH_TILT_DEG:
         words.append(
             f"boards are hardly tilted (at most {reach.tilt_deg.max():.0f} degrees): focal length and distance "
@@ -203,12 +206,14 @@ def _bent(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def advice(reach: Coverage, count: int) -> tuple[str, ...]:
+def advice(reach: Coverage, count: int, known: DirectionSigma, image_size: tuple[int, int]) -> tuple[str, ...]:
     """What to photograph next, most useful first."""
     words = []
     if reach.tilt_deg.max() < 25:
         words.append("boards tilted by 25 to 45 degrees, about both axes")
     words += [f"a board that reaches the {region} of the image" for region in missing_regions(reach.seen)]
+    if known.beyond_px > worth_px(image_size) and not missing_regions(reach.seen):
+        words.append(f"boards nearer to the image's corners, {_extrapolated(known)}")
     if reach.roll_spread_deg < 8 and count >= 3:
         words.append("the board or the camera turned by 90 degrees about the line of sight")
     if reach.distance_m.max() < 1.3 * reach.distance_m.min():
