@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 
 from calibration.arrays import Bools, Floats
-from calibration.squares import edge_blur_px, middle_of, steps
+from calibration.squares import edge_blur_px, middle_of
 
 REACH = 0.42
 """How far along an edge is looked, in squares: short of the next corner's blur."""
@@ -36,6 +36,9 @@ ACROSS = np.linspace(-2.4, 2.4, 7)
 START_BLUR_PX, LEAST_BLUR_PX = 2.0, 0.6
 ALONG_PX, MOST_ALONG = 2.0, 16
 LEAST_LENGTH = 1e-3
+CLEAR_CHANGE_PX = 0.25
+"""Of the second difference from one corner to the next: several times its noise."""
+
 LEAST_APART_PX, TIMES_APART = 0.2, 8.0
 """The halves of an edge may want the corner this far apart, or this many times what is usual: else it is hidden."""
 
@@ -100,28 +103,28 @@ def _shift(profile: Floats) -> Floats:
 def _surface(grid: Floats) -> Floats:
     """(2, n, 2, 6) for both edges, every corner, x and y: the factors of 1, b, b^2, a, a b, a^2, a across the edge."""
     turned = grid.swapaxes(0, 1)
-    d1, d2 = _second(grid) / 2, _second(turned) / 2
-    e1, e2 = _first(grid, d1), _first(turned, d2).swapaxes(0, 1)
-    d2, mixed = d2.swapaxes(0, 1), steps(e1)[1]
-    both = np.stack([grid, e2, d2, e1, mixed, d1, grid, e1, d1, e2, mixed, d2])
+    e1, d1 = _derivatives(grid)
+    e2, d2 = (v.swapaxes(0, 1) for v in _derivatives(turned))
+    mixed = _derivatives(e1.swapaxes(0, 1))[0].swapaxes(0, 1)
+    both = np.stack([grid, e2, d2 / 2, e1, mixed, d1 / 2, grid, e1, d1 / 2, e2, mixed, d2 / 2])
     return np.ascontiguousarray(both.reshape(2, 6, -1, 2).transpose(0, 2, 3, 1))
 
 
-def _first(grid: Floats, half_second: Floats) -> Floats:
-    """First derivative along the second axis, to second order at its ends too."""
-    made = np.empty_like(grid)
-    made[:, 1:-1] = (grid[:, 2:] - grid[:, :-2]) / 2
-    made[:, 0] = grid[:, 1] - grid[:, 0] - half_second[:, 0]
-    made[:, -1] = grid[:, -1] - grid[:, -2] + half_second[:, -1]
-    return made
+def _derivatives(grid: Floats) -> tuple[Floats, Floats]:
+    """First and second derivative along the second axis; beyond its ends the second changes only where it clearly does.
 
-
-def _second(grid: Floats) -> Floats:
-    """Second differences along the second axis; at its ends those of the neighbour."""
-    made = np.empty_like(grid)
-    made[:, 1:-1] = grid[:, 2:] - 2 * grid[:, 1:-1] + grid[:, :-2]
-    made[:, 0], made[:, -1] = made[:, 1], made[:, -2]
-    return made
+    What a lens does to a small board changes so little from corner to corner that taking the change from four corners
+    would add more noise than it mends; at the rim of a wide lens it is pixels.
+    """
+    first, second = np.empty_like(grid), np.empty_like(grid)
+    first[:, 1:-1] = (grid[:, 2:] - grid[:, :-2]) / 2
+    second[:, 1:-1] = grid[:, 2:] - 2 * grid[:, 1:-1] + grid[:, :-2]
+    for end, one, two, sign in ((0, 1, 2, 1), (-1, -2, -3, -1)):
+        third = second[:, two] - second[:, one] if grid.shape[1] > 3 else np.zeros_like(grid[:, 0])
+        third = np.where(np.abs(third).max(axis=1, keepdims=True) > CLEAR_CHANGE_PX, third, 0.0)
+        second[:, end] = second[:, one] - third
+        first[:, end] = sign * (grid[:, one] - grid[:, end] - second[:, end] / 2 - third / 6)
+    return first, second
 
 
 @lru_cache(maxsize=16)
