@@ -18,7 +18,7 @@ from calibration.arrays import Bools, Floats
 from calibration.board import Board
 from calibration.charuco import find_charuco
 from calibration.refine import refined
-from calibration.squares import laid_in, seen_corners, spacing_px
+from calibration.squares import in_line, laid_in, spacing_px
 from calibration.views import BoardView
 
 USUAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -64,11 +64,11 @@ def _verified(gray: cv2.typing.MatLike, coarse: Floats, factor: int) -> tuple[Fl
     """
     found = refined(gray, coarse, OFF_PX * factor)
     moved = np.sqrt(np.sum((found.grid - coarse) ** 2, axis=2))
-    seen = seen_corners(gray, found.grid) & (moved < 0.3 * spacing_px(coarse))
+    seen = found.seen & in_line(found.grid) & (moved < 0.3 * spacing_px(coarse))
     if seen.sum() < MIN_SEEN * seen.size or (seen & found.whole).all():
         return found.grid, seen, found.blur_px
     again = refined(gray, laid_in(found.grid, seen), OFF_PX)
-    return again.grid, seen & again.whole & seen_corners(gray, again.grid), again.blur_px
+    return again.grid, seen & again.seen & again.whole & in_line(again.grid), again.blur_px
 
 
 def coarse_grids(gray: cv2.typing.MatLike, board: Board) -> Iterator[tuple[Floats, int]]:

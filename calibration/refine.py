@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 
 from calibration.arrays import Bools, Floats
-from calibration.squares import edge_blur_px, middle_of
+from calibration.squares import edge_blur_px, middle_of, steps
 
 REACH = 0.42
 """How far along an edge is looked, in squares: short of the next corner's blur."""
@@ -39,74 +39,126 @@ LEAST_LENGTH = 1e-3
 CLEAR_CHANGE_PX = 0.25
 """Of the second difference from one corner to the next: several times its noise."""
 
+SEEN_SHARE, LEAST_CONTRAST = 0.35, 4.0
+"""Contrast of a corner that is there: over the usual one, and in gray levels."""
+
 LEAST_APART_PX, TIMES_APART = 0.2, 8.0
 """The halves of an edge may want the corner this far apart, or this many times what is usual: else it is hidden."""
 
 
-_STEP = np.array([erf(s / np.sqrt(2)) for s in ACROSS], np.float32)
-_SLOPE = (np.exp(-(ACROSS**2) / 2) * np.sqrt(2 / np.pi)).astype(np.float32)
+_STEP = np.array([erf(s / np.sqrt(2)) for s in ACROSS])
+_SLOPE = np.exp(-(ACROSS**2) / 2) * np.sqrt(2 / np.pi)
+_TO_STEP = (_STEP / (_STEP @ _STEP)).astype(np.float32)
+_TO_SHIFT = (_SLOPE / (_SLOPE @ _SLOPE)).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refined:
-    """Corners (rows, cols, 2), which of them have whole edges (rows, cols), and the edges' blur (`edge_blur_px`)."""
+    """What the image shows of a board's corners.
+
+    grid (rows, cols, 2)  the corners, to about 0.01 px where they are there
+    seen (rows, cols)     two opposite squares are dark, two bright, and which two alternates from corner to corner
+    whole (rows, cols)    nothing hides a part of the corner's edges
+    blur_px               of the edges (`edge_blur_px`)
+    """
 
     grid: Floats
+    seen: Bools
     whole: Bools
     blur_px: tuple[float, float]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moved:
+    """The corners (rows, cols, 2) after one step; of both edges and their halves on either side of the corner, the
+    contrast (2, n, 2) in gray levels, and how far apart the halves want the edge (2, n)."""
+
+    grid: Floats
+    contrast: Floats
+    apart_px: Floats
+
+
 def refined(gray: cv2.typing.MatLike, grid: Floats, off_px: float) -> Refined:
-    """Corners to about 0.01 px from ones (rows, cols, 2) that are `off_px` off."""
-    near = sharpened(gray, grid, max(START_BLUR_PX, off_px))[0]
+    """The corners near `grid` (rows, cols, 2), which is `off_px` off."""
+    near = sharpened(gray, grid, max(START_BLUR_PX, off_px), straight=True).grid
     if off_px > START_BLUR_PX:
-        near = sharpened(gray, near, START_BLUR_PX)[0]
+        near = sharpened(gray, near, START_BLUR_PX, straight=True).grid
     blur = edge_blur_px(gray, near)
     usual = float(np.hypot(*blur) / np.sqrt(2))
-    exact, apart_px = sharpened(gray, near, max(LEAST_BLUR_PX, usual) if usual == usual else 1.0)
-    whole = apart_px < max(LEAST_APART_PX, TIMES_APART * middle_of(apart_px))
-    return Refined(grid=exact, whole=np.asarray(whole.all(axis=0).reshape(grid.shape[:2])), blur_px=blur)
+    last = sharpened(gray, near, max(LEAST_BLUR_PX, usual) if usual == usual else 1.0)
+    whole = last.apart_px < max(LEAST_APART_PX, TIMES_APART * middle_of(last.apart_px))
+    return Refined(
+        grid=last.grid,
+        seen=_alternating(last.contrast.reshape(2, *grid.shape[:2], 2)),
+        whole=np.asarray(whole.all(axis=0).reshape(grid.shape[:2])),
+        blur_px=blur,
+    )
 
 
-def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float) -> tuple[Floats, Floats]:
+def _alternating(contrast: Floats) -> Bools:
+    """Where the contrasts (2, rows, cols, 2) have the board's sign and a good part of its strength."""
+    row, col = np.ogrid[: contrast.shape[1], : contrast.shape[2]]
+    signed = contrast * (1 - 2 * ((row + col) % 2))[:, :, None]
+    typical = middle_of(signed)
+    if abs(typical) < LEAST_CONTRAST:
+        return np.zeros(contrast.shape[1:3], bool)
+    return np.asarray((signed / typical > SEEN_SHARE).all(axis=(0, 3)))
+
+
+def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straight: bool = False) -> Moved:
     """Corners (rows, cols, 2) moved once, on edges as wide as `blur_px`; at most by twice that.
 
-    Also (2, n): how far apart the two halves of an edge, on either side of the corner, want it.
+    `straight` is for the first steps: what the lens bends is left out.
     """
-    surface = _surface(grid)
-    across = surface[:, :, :, 3].copy()
-    length = np.sqrt(np.maximum(np.sum(across**2, axis=2), LEAST_LENGTH))
+    surface = _plane(grid) if straight else _surface(grid)
+    across = surface[:, :, :, 2].copy()
+    length = np.sqrt(np.maximum(across[:, :, 0] ** 2 + across[:, :, 1] ** 2, LEAST_LENGTH))
     area = np.maximum(np.abs(across[0, :, 0] * across[1, :, 1] - across[0, :, 1] * across[1, :, 0]), LEAST_LENGTH)
     sigma = blur_px * length[::-1] / area
     narrow = np.minimum(sigma, REACH / ACROSS[-1])
     along, terms = _strip(2 * int(np.clip(REACH * middle_of(length) / ALONG_PX, 4, MOST_ALONG // 2)))
-    surface[:, :, :, 3:5] *= narrow[:, :, None, None]
-    surface[:, :, :, 5] *= narrow[:, :, None] ** 2
-    x, y = (surface[:, :, k].reshape(-1, 6).astype(np.float32) @ terms for k in (0, 1))
+    surface[:, :, :, 2] *= narrow[:, :, None]
+    if not straight:
+        surface[:, :, :, 4] *= narrow[:, :, None]
+        surface[:, :, :, 5] *= narrow[:, :, None] ** 2
+    x, y = (
+        surface[:, :, k].reshape(-1, surface.shape[3]).astype(np.float32) @ terms[: surface.shape[3]] for k in (0, 1)
+    )
     tone = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     strips = np.asarray(tone, np.float32).reshape(*sigma.shape, 2, len(along) // 2, len(ACROSS))
-    weight = np.tanh(along / sigma[::-1, :, None]).astype(np.float32).reshape(*sigma.shape, 2, 1, -1)
+    weight = np.tanh((along / sigma[::-1, :, None]).astype(np.float32)).reshape(*sigma.shape, 2, 1, -1)
     halves = (weight @ strips)[:, :, :, 0]
-    moved = narrow * np.clip(_shift(halves.sum(axis=2)), -2, 2)
-    first, second = _shift(halves[:, :, 0]), _shift(halves[:, :, 1])
-    apart_px = np.abs(first - second) * narrow / sigma * blur_px
-    return np.asarray(grid + np.sum(moved[:, :, None] * across, axis=0).reshape(grid.shape)), apart_px
+    moved = narrow * np.minimum(np.maximum(_shift(halves.sum(axis=2))[0], -2), 2)
+    shift, contrast = _shift(halves)
+    return Moved(
+        grid=np.asarray(grid + (moved[0, :, None] * across[0] + moved[1, :, None] * across[1]).reshape(grid.shape)),
+        contrast=2 * contrast / np.abs(weight[:, :, :, 0]).sum(axis=3),
+        apart_px=np.abs(shift[:, :, 0] - shift[:, :, 1]) * narrow / sigma * blur_px,
+    )
 
 
-def _shift(profile: Floats) -> Floats:
-    """Where the step in profiles (..., s) of the brightness across an edge is, in sigmas."""
-    contrast = profile @ (_STEP / (_STEP @ _STEP))
+def _shift(profile: Floats) -> tuple[Floats, Floats]:
+    """Where the step in profiles (..., s) of the brightness across an edge is, in sigmas, and its size."""
+    contrast = profile @ _TO_STEP
     size = np.where(contrast < 0, -1, 1) * np.maximum(np.abs(contrast), 1e-3)
-    return np.asarray(-(profile @ (_SLOPE / (_SLOPE @ _SLOPE))) / size)
+    return np.asarray(-(profile @ _TO_SHIFT) / size), contrast
+
+
+def _plane(grid: Floats) -> Floats:
+    """(2, n, 2, 3) for both edges, every corner, x and y: the factors of 1, b, a, a across the edge."""
+    e1, e2 = steps(grid)
+    both = np.stack([grid, e2, e1, grid, e1, e2])
+    return np.ascontiguousarray(both.reshape(2, 3, -1, 2).transpose(0, 2, 3, 1))
 
 
 def _surface(grid: Floats) -> Floats:
-    """(2, n, 2, 6) for both edges, every corner, x and y: the factors of 1, b, b^2, a, a b, a^2, a across the edge."""
+    """(2, n, 2, 6) for both edges, every corner, x and y: the factors of 1, b, a, b^2, a b, a^2, a across the edge."""
     turned = grid.swapaxes(0, 1)
     e1, d1 = _derivatives(grid)
     e2, d2 = (v.swapaxes(0, 1) for v in _derivatives(turned))
-    mixed = _derivatives(e1.swapaxes(0, 1))[0].swapaxes(0, 1)
-    both = np.stack([grid, e2, d2 / 2, e1, mixed, d1 / 2, grid, e1, d1 / 2, e2, mixed, d2 / 2])
+    mixed = steps(e2)[0]
+    d1, d2 = d1 / 2, d2 / 2
+    both = np.stack([grid, e2, e1, d2, mixed, d1, grid, e1, e2, d1, mixed, d2])
     return np.ascontiguousarray(both.reshape(2, 6, -1, 2).transpose(0, 2, 3, 1))
 
 
@@ -132,4 +184,4 @@ def _strip(count: int) -> tuple[Floats, np.typing.NDArray[np.float32]]:
     """Places along an edge, in squares, evenly about the corner; and the terms of `_surface` over a strip."""
     along = ((np.arange(count) + 0.5) / count * 2 - 1) * REACH
     b, a = (v.ravel() for v in np.meshgrid(along, ACROSS, indexing="ij"))
-    return along, np.stack([np.ones_like(a), b, b * b, a, a * b, a * a]).astype(np.float32)
+    return along, np.stack([np.ones_like(a), b, a, b * b, a * b, a * a]).astype(np.float32)
