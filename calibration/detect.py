@@ -61,10 +61,13 @@ def _verified(gray: cv2.typing.MatLike, coarse: Floats, factor: int) -> tuple[Fl
     """Refined corners (rows, cols, 2), which of them the image shows, and the edges' blur.
 
     A hidden corner bends the grid by which its neighbours were refined, so it is laid in anew and they are done again.
+    Turned by 180 degrees a board with an odd and an even side is another pattern: it is counted from the dark square.
     """
     found = refined(gray, coarse, OFF_PX * factor)
     moved = np.sqrt(np.sum((found.grid - coarse) ** 2, axis=2))
     seen = found.seen & in_line(found.grid) & (moved < 0.3 * spacing_px(coarse))
+    if sum(coarse.shape[:2]) % 2 == 1 and not found.dark_first and seen.any():
+        return _verified(gray, coarse[::-1, ::-1], factor)
     if seen.sum() < MIN_SEEN * seen.size or (seen & found.whole).all():
         return found.grid, seen, found.blur_px
     again = refined(gray, laid_in(found.grid, seen), OFF_PX)

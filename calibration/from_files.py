@@ -43,6 +43,7 @@ def calibrate_files(
     files = find_photos([Path(s) for s in sources])
     _refuse_wrong_count(files, board)
     found, missing = find_views(files, board, progress)
+    _refuse_mirrored(files, board, found)
     _refuse_absent(board, found, missing)
     _refuse_mixed_cameras(found)
     rejected = [RejectedView(name=name, reason="the board was not found") for name in missing]
@@ -142,6 +143,22 @@ def _refuse_wrong_count(files: PhotoFiles, board: Board) -> None:
         f"(in {len(shown)} of {len(asked)} photos asked)",
         advice=f"--board {other.name}; inner corners are the points where four squares meet",
     )
+
+
+def _refuse_mirrored(files: PhotoFiles, board: Board, found: Sequence[BoardView]) -> None:
+    """Raises InputFileError where a ChArUco board is found in mirrored photos only; markers know left from right."""
+    if found or board.marker_m is None:
+        return
+    asked = list(_some_photos(files))
+    shown = [p.name for p in asked if find_board(np.ascontiguousarray(p.gray[:, ::-1]), board, p.name) is not None]
+    if shown:
+        raise InputFileError(
+            where=f"photos ({', '.join(shown)})",
+            seen=f"a mirrored board: its markers can be read in {len(shown)} of {len(asked)} photos asked, but only "
+            "when these are flipped",
+            expected="photos as the sensor saw them, of a board printed as it is",
+            advice="switch off the camera's mirroring (selfie mode); if the board was printed mirrored, print it again",
+        )
 
 
 def _refuse_absent(board: Board, found: Sequence[BoardView], missing: Sequence[str]) -> None:

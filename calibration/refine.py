@@ -59,12 +59,14 @@ class Refined:
     grid (rows, cols, 2)  the corners, to about 0.01 px where they are there
     seen (rows, cols)     two opposite squares are dark, two bright, and which two alternates from corner to corner
     whole (rows, cols)    nothing hides a part of the corner's edges
+    dark_first            the square before the first corner, diagonally, is dark
     blur_px               of the edges (`edge_blur_px`)
     """
 
     grid: Floats
     seen: Bools
     whole: Bools
+    dark_first: bool
     blur_px: tuple[float, float]
 
 
@@ -87,22 +89,21 @@ def refined(gray: cv2.typing.MatLike, grid: Floats, off_px: float) -> Refined:
     usual = float(np.hypot(*blur) / np.sqrt(2))
     last = sharpened(gray, near, max(LEAST_BLUR_PX, usual) if usual == usual else 1.0)
     whole = last.apart_px < max(LEAST_APART_PX, TIMES_APART * middle_of(last.apart_px))
+    signed = _signed(last.contrast.reshape(2, *grid.shape[:2], 2))
+    typical = middle_of(signed)
     return Refined(
         grid=last.grid,
-        seen=_alternating(last.contrast.reshape(2, *grid.shape[:2], 2)),
+        seen=np.asarray((signed / (typical or 1.0) > SEEN_SHARE).all(axis=(0, 3)) & (abs(typical) >= LEAST_CONTRAST)),
         whole=np.asarray(whole.all(axis=0).reshape(grid.shape[:2])),
+        dark_first=typical < 0,
         blur_px=blur,
     )
 
 
-def _alternating(contrast: Floats) -> Bools:
-    """Where the contrasts (2, rows, cols, 2) have the board's sign and a good part of its strength."""
+def _signed(contrast: Floats) -> Floats:
+    """Contrasts (2, rows, cols, 2), every other corner's turned round: one sign all over a board that is seen."""
     row, col = np.ogrid[: contrast.shape[1], : contrast.shape[2]]
-    signed = contrast * (1 - 2 * ((row + col) % 2))[:, :, None]
-    typical = middle_of(signed)
-    if abs(typical) < LEAST_CONTRAST:
-        return np.zeros(contrast.shape[1:3], bool)
-    return np.asarray((signed / typical > SEEN_SHARE).all(axis=(0, 3)))
+    return np.asarray(contrast * (1 - 2 * ((row + col) % 2))[:, :, None])
 
 
 def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straight: bool = False) -> Moved:
@@ -137,11 +138,11 @@ def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straigh
     )
 
 
-def _shift(profile: Floats) -> tuple[Floats, Floats]:
+def _shift(profile: np.typing.NDArray[np.floating]) -> tuple[Floats, Floats]:
     """Where the step in profiles (..., s) of the brightness across an edge is, in sigmas, and its size."""
     contrast = profile @ _TO_STEP
     size = np.where(contrast < 0, -1, 1) * np.maximum(np.abs(contrast), 1e-3)
-    return np.asarray(-(profile @ _TO_SHIFT) / size), contrast
+    return np.asarray(-(profile @ _TO_SHIFT) / size, float), np.asarray(contrast, float)
 
 
 def _plane(grid: Floats) -> Floats:

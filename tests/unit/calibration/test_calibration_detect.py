@@ -91,6 +91,17 @@ def test_the_wrong_way_up_costs_nothing():
     assert np.sqrt(np.mean(off**2)) < 0.02
 
 
+@pytest.mark.parametrize(("cols", "rows"), [(9, 6), (6, 9), (11, 8)])
+def test_a_board_with_an_odd_and_an_even_side_is_counted_from_its_own_end(cols, rows):
+    board, lens = Board(cols=cols, rows=rows, square_m=0.02), camera()
+    shots, placed = rendered_photos(lens, 3, seed=3, board=board)
+    for shot, pose in zip(shots, placed, strict=True):
+        view = find_board(shot, board, "x")
+        back = find_board(np.ascontiguousarray(shot[::-1, ::-1]), board, "x")
+        assert np.abs(view.corners - true_corners(lens, board, pose)[view.index]).max() < 0.2
+        assert np.abs(np.array(lens.image_size) - 1 - back.corners - view.corners).max() < 0.05
+
+
 def test_large_photos_are_searched_small_and_refined_large():
     lens = camera(1920, 1440, 1620.0)
     from tests.calibration_scenes import poses

@@ -1,10 +1,12 @@
 import struct
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from calibration import Board, calibrate_files, read_camera, write_camera
+from calibration import Board, calibrate, calibrate_files, read_camera, write_camera
+from calibration.charuco import charuco_board
 from calibration.errors import InputFileError, UsageError
 from calibration.exif import exif_of
 from calibration.from_files import spread_out
@@ -125,6 +127,42 @@ def test_photos_of_two_cameras_by_their_own_word(tmp_path, shots):
         (tmp_path / f"p{i}.jpg").write_bytes(with_exif(jpeg, 1, "ILCE-7" if i < 3 else "EOS M50"))
     with pytest.raises(InputFileError, match=r"EOS M50: p3\.jpg"):
         calibrate_files([tmp_path], BOARD)
+
+
+def test_a_mirrored_charuco_board_is_refused_as_such(tmp_path):
+    board = Board(cols=7, rows=5, square_m=0.03, marker_m=0.021, dictionary="DICT_5X5_100")
+    sheet = charuco_board(board).generateImage((480, 360), marginSize=0)
+    for i in range(3):
+        place = np.array([[0.9, 0.05 * i, 30], [-0.05, 0.85, 40], [5e-5, 1e-5, 1]])
+        shot = cv2.warpPerspective(sheet, place, (480, 360), borderValue=200, flags=cv2.INTER_AREA)
+        cv2.imwrite(str(tmp_path / f"p{i}.png"), shot[:, ::-1])
+    with pytest.raises(InputFileError, match=r"a mirrored board.* 3 of 3") as error:
+        calibrate_files([tmp_path], board)
+    assert error.value.exit_code == 3
+
+
+def test_a_mirrored_checkerboard_is_the_same_pattern_and_gives_the_mirrored_camera():
+    """Nothing in the photos can tell; the camera that is found belongs to the photos as they are."""
+    lens = camera()
+    views = computed_views(lens, 12)
+    rows, cols = BOARD.rows, BOARD.cols
+    order = np.arange(rows * cols).reshape(rows, cols)[::-1].ravel()
+    flipped = [replace(v, corners=((639, 0) + v.corners * (-1, 1))[order]) for v in views]
+    found = calibrate(flipped, BOARD)
+    assert found.camera.K[0, 2] == pytest.approx(639 - lens.K[0, 2], abs=4 * found.sigma[2])
+    assert found.camera.K[0, 0] == pytest.approx(lens.K[0, 0], abs=4 * found.sigma[0])
+
+
+def test_mirrored_photos_among_others_are_named():
+    lens = camera()
+    views = computed_views(lens, 15)
+    order = np.arange(54).reshape(6, 9)[::-1].ravel()
+    flipped = [
+        replace(v, corners=((639, 0) + v.corners * (-1, 1))[order]) if i in (4, 9) else v for i, v in enumerate(views)
+    ]
+    found = calibrate(flipped, BOARD)
+    assert {r.name for r in found.rejected} == {views[4].name, views[9].name}
+    assert found.verdict != "good"
 
 
 def test_a_video_is_as_good_as_photos(tmp_path, shots):
