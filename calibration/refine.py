@@ -127,9 +127,10 @@ def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straigh
     )
     tone = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     strips = np.asarray(tone, np.float32).reshape(*sigma.shape, 2, len(along) // 2, len(ACROSS))
-    weight = np.tanh((along / sigma[::-1, :, None]).astype(np.float32)).reshape(*sigma.shape, 2, 1, -1)
+    softened = [np.tanh(along / middle_of(sigma[edge])) for edge in (1, 0)]
+    weight = np.array(softened, np.float32).reshape(2, 1, 2, 1, -1)
     halves = (weight @ strips)[:, :, :, 0]
-    moved = narrow * np.minimum(np.maximum(_shift(halves.sum(axis=2))[0], -2), 2)
+    moved = narrow * np.minimum(np.maximum(_shift(halves[:, :, 0] + halves[:, :, 1])[0], -2), 2)
     shift, contrast = _shift(halves)
     return Moved(
         grid=np.asarray(grid + (moved[0, :, None] * across[0] + moved[1, :, None] * across[1]).reshape(grid.shape)),
@@ -154,13 +155,17 @@ def _plane(grid: Floats) -> Floats:
 
 def _surface(grid: Floats) -> Floats:
     """(2, n, 2, 6) for both edges, every corner, x and y: the factors of 1, b, a, b^2, a b, a^2, a across the edge."""
-    turned = grid.swapaxes(0, 1)
+    rows, cols = grid.shape[:2]
     e1, d1 = _derivatives(grid)
-    e2, d2 = (v.swapaxes(0, 1) for v in _derivatives(turned))
-    mixed = steps(e2)[0]
-    d1, d2 = d1 / 2, d2 / 2
-    both = np.stack([grid, e2, e1, d2, mixed, d1, grid, e1, e2, d1, mixed, d2])
-    return np.ascontiguousarray(both.reshape(2, 6, -1, 2).transpose(0, 2, 3, 1))
+    e2, d2 = (v.swapaxes(0, 1) for v in _derivatives(grid.swapaxes(0, 1)))
+    mixed = (_differences(rows)[:rows] @ e1.reshape(rows, -1)).reshape(grid.shape)
+    both = np.empty((2, 6, *grid.shape))
+    both[:, 0], both[:, 4] = grid, mixed
+    both[0, 1] = both[1, 2] = e2
+    both[0, 2] = both[1, 1] = e1
+    both[0, 3] = both[1, 5] = d2 / 2
+    both[0, 5] = both[1, 3] = d1 / 2
+    return np.ascontiguousarray(both.reshape(2, 6, rows * cols, 2).transpose(0, 2, 3, 1))
 
 
 def _derivatives(grid: Floats) -> tuple[Floats, Floats]:
@@ -169,15 +174,29 @@ def _derivatives(grid: Floats) -> tuple[Floats, Floats]:
     What a lens does to a small board changes so little from corner to corner that taking the change from four corners
     would add more noise than it mends; at the rim of a wide lens it is pixels.
     """
-    first, second = np.empty_like(grid), np.empty_like(grid)
-    first[:, 1:-1] = (grid[:, 2:] - grid[:, :-2]) / 2
-    second[:, 1:-1] = grid[:, 2:] - 2 * grid[:, 1:-1] + grid[:, :-2]
+    cols = grid.shape[1]
+    both = _differences(cols) @ grid
+    first, second = both[:, :cols], both[:, cols:]
+    if cols < 4:
+        return first, second
     for end, one, two, sign in ((0, 1, 2, 1), (-1, -2, -3, -1)):
-        third = second[:, two] - second[:, one] if grid.shape[1] > 3 else np.zeros_like(grid[:, 0])
-        third = np.where(np.abs(third).max(axis=1, keepdims=True) > CLEAR_CHANGE_PX, third, 0.0)
-        second[:, end] = second[:, one] - third
-        first[:, end] = sign * (grid[:, one] - grid[:, end] - second[:, end] / 2 - third / 6)
+        third = second[:, two] - second[:, one]
+        if np.abs(third).max() > CLEAR_CHANGE_PX:
+            third = np.where(np.abs(third).max(axis=1, keepdims=True) > CLEAR_CHANGE_PX, third, 0.0)
+            second[:, end] -= third
+            first[:, end] += sign * third / 3
     return first, second
+
+
+@lru_cache(maxsize=16)
+def _differences(count: int) -> Floats:
+    """(2 count, count): first and, below, second derivatives at evenly spaced places; the second ends as it was."""
+    first, second = np.zeros((count, count)), np.zeros((count, count))
+    for i in range(count):
+        k = min(max(i, 1), count - 2)
+        second[i, k - 1 : k + 2] = 1, -2, 1
+        first[i, k - 1 : k + 2] = np.array([-0.5, 0, 0.5]) + (i - k) * np.array([1, -2, 1])
+    return np.concatenate([first, second])
 
 
 @lru_cache(maxsize=16)

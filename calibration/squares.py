@@ -9,6 +9,9 @@ import numpy as np
 
 from calibration.arrays import Bools, Floats
 
+ASKED = 16
+"""Edges each way whose blur is measured."""
+
 
 def in_line(grid: Floats) -> Bools:
     """Where a corner lies with the others on a smooth surface: a homography and a cubic on top of it."""
@@ -62,11 +65,11 @@ def edge_blur_px(gray: cv2.typing.MatLike, grid: Floats) -> tuple[float, float]:
     """Blur (a Gaussian's sigma, pixels) across the board's row edges and column edges: (smaller, larger).
 
     Along a profile across an edge, sigma = step / (sqrt(2 pi) steepest slope). A camera that moved while it
-    exposed blurs one of the two directions more. Median over the edges, of which at most some 24 each way are asked.
+    exposed blurs one of the two directions more. Median over the edges, of which at most some 16 each way are asked.
     """
     e1, e2 = steps(grid)
     ways = (((grid[:, :-1] + grid[:, 1:]) / 2, e2[:, :-1]), ((grid[:-1] + grid[1:]) / 2, e1[:-1]))
-    some = [[v.reshape(-1, 2)[:: 1 + v.size // 48] for v in way] for way in ways]
+    some = [[v.reshape(-1, 2)[:: 1 + v.size // (2 * ASKED)] for v in way] for way in ways]
     middle, across = (np.concatenate([way[k] for way in some]) for k in (0, 1))
     slopes, first = _edge_sigmas(gray, middle, across), len(some[0][0])
     found = [middle_of(s[s < np.inf]) if (s < np.inf).any() else float("nan") for s in (slopes[:first], slopes[first:])]
