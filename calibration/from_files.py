@@ -167,7 +167,9 @@ def _refuse_absent(board: Board, found: Sequence[BoardView], missing: Sequence[s
             where=f"{len(missing)} photos ({', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''})",
             seen="the board in none of them",
             expected=f"a {'checkerboard' if board.marker_m is None else 'ChArUco board'} of {board.name} inner corners",
-            advice="check --board; the whole board with a white margin must be in the image, sharp and evenly lit",
+            advice="check --board; the whole board with a white margin must be in the image, sharp and evenly lit"
+            if board.marker_m is None
+            else "check --board, --dictionary and --marker-mm against what was printed; sharp and evenly lit photos",
         )
 
 

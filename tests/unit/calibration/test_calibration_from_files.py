@@ -190,3 +190,10 @@ def test_views_of_a_video_are_thinned_to_those_that_differ():
     assert [v.name for v in chosen] == [v.name for v in views]
     assert len(spread_out(views, 4)) == 4
     assert spread_out([], 4) == []
+
+
+def test_blurred_frames_of_a_video_are_passed_over():
+    views = [replace(v, blur_px=(0.8, 0.9)) for v in computed_views(camera(), 6)]
+    smeared = [replace(v, name=f"{v.name}-smeared", blur_px=(0.8, 2.5)) for v in computed_views(camera(), 3, seed=9)]
+    chosen = spread_out([*smeared, *views], 20)
+    assert [v.name for v in chosen] == [v.name for v in views]
