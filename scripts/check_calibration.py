@@ -46,8 +46,8 @@ LENSES: dict[str, tuple[str, float, tuple[float, ...]]] = {
     "long": ("pinhole", 2200.0, (-0.06, 0.0, 0.0, 0.0, 0.0)),
     "fisheye": ("fisheye", 275.0, (0.03, -0.012, 0.004, -0.001)),
 }
-"""Each is one-to-one as far as the corners of the image. (A wide lens of k = -0.30, 0.11, -0.02, used here before, folds
-back 395 px from the middle, while the image reaches to 500: what is rendered out there no lens can show.)"""
+"""Each is one-to-one as far as the corners of the image. A wide lens of k = -0.30, 0.11, -0.02, used here before, folds
+back 395 px from the middle while the image reaches to 500: what is rendered out there no lens can show."""
 
 NAMES = {"pinhole": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"), "fisheye": ("fx", "fy", "cx", "cy",
          "k1 fisheye", "k2 fisheye", "k3 fisheye", "k4 fisheye")}  # fmt: skip
