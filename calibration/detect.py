@@ -60,15 +60,18 @@ def find_board(
 def _verified(gray: cv2.typing.MatLike, coarse: Floats, factor: int) -> tuple[Floats, Bools, tuple[float, float]]:
     """Refined corners (rows, cols, 2), which of them the image shows, and the edges' blur.
 
-    A hidden corner bends the grid by which its neighbours were refined, so it is laid in anew and they are done again.
+    Where every corner alternates with its neighbours, has whole edges and hardly moved, there is no doubt. Else corners
+    must lie on one surface too, and what is hidden is laid in anew and the others refined again beside it.
     Turned by 180 degrees a board with an odd and an even side is another pattern: it is counted from the dark square.
     """
     found = refined(gray, coarse, OFF_PX * factor)
-    moved = np.sqrt(np.sum((found.grid - coarse) ** 2, axis=2))
-    seen = found.seen & in_line(found.grid) & (moved < 0.3 * spacing_px(coarse))
-    if sum(coarse.shape[:2]) % 2 == 1 and not found.dark_first and seen.any():
+    if sum(coarse.shape[:2]) % 2 == 1 and not found.dark_first and found.seen.any():
         return _verified(gray, coarse[::-1, ::-1], factor)
-    if seen.sum() < MIN_SEEN * seen.size or (seen & found.whole).all():
+    far = np.abs(found.grid - coarse).max(axis=2)
+    if (found.seen & found.whole).all() and far.max() < OFF_PX * factor:
+        return found.grid, found.seen, found.blur_px
+    seen = found.seen & in_line(found.grid) & (far < 0.3 * spacing_px(coarse))
+    if seen.sum() < MIN_SEEN * seen.size:
         return found.grid, seen, found.blur_px
     again = refined(gray, laid_in(found.grid, seen), OFF_PX)
     return again.grid, seen & again.seen & again.whole & in_line(again.grid), again.blur_px
