@@ -18,7 +18,7 @@ from calibration.camera_files import FORMATS, camera_json, read_camera, write_ca
 from calibration.from_files import calibrate_files
 from calibration.pictures import pictures
 from calibration.report import calibration_page
-from calibration.result import CalibratedView, Calibration, RejectedView
+from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView
 from calibration.solve import calibrate
 from calibration.views import BoardView
 
@@ -29,6 +29,7 @@ __all__ = [
     "CalibratedView",
     "Calibration",
     "CameraModel",
+    "DirectionSigma",
     "RejectedView",
     "board_pdf",
     "board_svg",

@@ -35,13 +35,17 @@ from calibration.views import BoardView
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """All corners of all views, flat: pixel (n, 2), board corner (n,), view (n,) increasing, first row of each view."""
+    """All corners of all views, flat: pixel (n, 2), board corner (n,), view (n,) increasing.
+
+    weight (n,) is 1 where a corner is as exact as usual, less where it is not: the variance is in inverse proportion.
+    """
 
     xy: Floats
     index: Ints
     view: Ints
     views: int
     height: int
+    weight: Floats
 
     def rows(self, view: int) -> slice:
         """The rows of one view."""
@@ -56,6 +60,7 @@ def stacked(views: Sequence[BoardView]) -> Corners:
         view=np.repeat(np.arange(len(views)), [len(v.index) for v in views]),
         views=len(views),
         height=views[0].image_size[1],
+        weight=np.ones(sum(len(v.index) for v in views)),
     )
 
 
@@ -239,14 +244,16 @@ def adjust(
     max_iterations: int = 60,
 ) -> Fit:
     """The least-squares fit from `start`; `huber_px` bounds the pull of corners further off than that."""
-    fit = _weighed(replace(start, residual_px=project_all(model, start, corners)[0] - corners.xy), huber_px)
-    cost, damping, free = _cost(model, fit, noise_px, huber_px), 1e-4, solvable(model)
+    fit = _weighed(replace(start, residual_px=project_all(model, start, corners)[0] - corners.xy), corners, huber_px)
+    cost, damping, free = _cost(model, fit, corners, noise_px, huber_px), 1e-4, solvable(model)
     for _ in range(max_iterations):
         tried = _step(model, fit, corners, noise_px, damping, free)
         if tried is None:
             return fit
-        tried = _weighed(replace(tried, residual_px=project_all(model, tried, corners)[0] - corners.xy), huber_px)
-        new = _cost(model, tried, noise_px, huber_px)
+        tried = _weighed(
+            replace(tried, residual_px=project_all(model, tried, corners)[0] - corners.xy), corners, huber_px
+        )
+        new = _cost(model, tried, corners, noise_px, huber_px)
         if not new < cost:
             damping *= 10
             if damping > 1e6:
@@ -290,19 +297,19 @@ def _turned(rotation: Floats, by_rad: Floats) -> Floats:
     return np.stack([cv2.Rodrigues(w)[0] @ R for R, w in zip(rotation, by_rad, strict=True)])
 
 
-def _weighed(fit: Fit, huber_px: float | None) -> Fit:
+def _weighed(fit: Fit, corners: Corners, huber_px: float | None) -> Fit:
     if huber_px is None:
-        return replace(fit, weight=np.ones(len(fit.residual_px)))
+        return replace(fit, weight=corners.weight)
     off = np.linalg.norm(fit.residual_px, axis=1)
-    return replace(fit, weight=huber_px / np.maximum(off, huber_px))
+    return replace(fit, weight=corners.weight * huber_px / np.maximum(off, huber_px))
 
 
-def _cost(model: Model, fit: Fit, noise_px: float, huber_px: float | None) -> float:
+def _cost(model: Model, fit: Fit, corners: Corners, noise_px: float, huber_px: float | None) -> float:
     off = np.linalg.norm(fit.residual_px, axis=1)
     loss = off**2 if huber_px is None else np.where(off < huber_px, off**2, 2 * huber_px * off - huber_px**2)
     _, gradient = prior(model, fit, noise_px)
     q = len(model.free)
-    total = float(loss.sum() + gradient[q:] @ fit.bend_m.ravel()[: len(gradient) - q])
+    total = float(corners.weight @ loss + gradient[q:] @ fit.bend_m.ravel()[: len(gradient) - q])
     ahead = (
         np.isfinite(total) and fit.intrinsics[0] > 0 and fit.intrinsics[1] > 0 and (fit.translation_m[:, 2] > 0).all()
     )

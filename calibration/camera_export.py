@@ -122,7 +122,13 @@ def _padded(camera: CameraModel, n: int, owner: str) -> Floats:
 
 
 def _list(values: Floats) -> str:
-    return "[" + ", ".join(repr(float(v)) for v in np.ravel(values)) + "]"
+    return "[" + ", ".join(_number(float(v)) for v in np.ravel(values)) + "]"
+
+
+def _number(value: float) -> str:
+    """All digits of it, and always with a point: to YAML 1.1, 1e-05 is a text."""
+    text = repr(value)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
 def _opencv_matrix(name: str, matrix: Floats) -> str:

@@ -1,6 +1,14 @@
 """Which lens model: the usual 5 terms, unless another one predicts unseen views clearly better.
 
 Every candidate is fitted, and judged by its held-out error: each view in turn against the intrinsics of all others.
+Two candidates are compared view by view, by the logarithm of their errors' ratio; its mean over the views has a
+standard error, and the usual terms are left only for a difference of `CLEARLY` of those. A term dropped because it
+does not help is not known to be zero: left out at 1.4 sigma of its own it moves its neighbours by 5 of theirs.
+
+Among other models that predict equally well (within one standard error), Schwarz' criterion decides, which weighs
+what the residuals gain against the number of terms:
+
+    (n / inflation) ln(sum of squares) + terms ln(n / inflation),    n coordinates
 """
 
 from __future__ import annotations
@@ -16,11 +24,13 @@ from calibration.camera import Lens
 from calibration.start import first_fit
 from calibration.uncertainty import Uncertainty, held_out_px, uncertainty
 
-WORTH = 0.99
-"""A simpler model must predict unseen views this much better than the usual 5 terms. A term dropped because it does
-not help is not known to be zero: left out at 1.4 sigma of its own it moves its neighbours by 5 of theirs."""
+CLEARLY = 2.0
+"""Standard errors of the held-out difference by which another model must be better than the usual 5 terms."""
 
-LEAST_NOISE_PX = 0.01
+EQUALLY = 1.0
+"""Standard errors within which two models predict equally well."""
+
+LEAST_NOISE_PX = 0.003
 LONG_LENS, WIDE_LENS = 3.0, 0.5
 """Focal length over the image's longer side from which a lens is long, up to which it is wide."""
 
@@ -91,10 +101,29 @@ def judged(name: str, model: Model, fit: Fit, corners: Corners) -> Candidate:
     return Candidate(name=name, model=model, fit=fit, uncertainty=worth, held_out_view_px=held)
 
 
+def better_by(one: Candidate, other: Candidate) -> float:
+    """How much better `one` predicts unseen views than `other`, in standard errors of the difference."""
+    ratio = np.log(np.maximum(other.held_out_view_px, 1e-9) / np.maximum(one.held_out_view_px, 1e-9))
+    spread = float(ratio.std(ddof=1)) / np.sqrt(len(ratio)) if len(ratio) > 1 else float("inf")
+    return float(ratio.mean()) / max(spread, 1e-9)
+
+
+def schwarz(candidate: Candidate, inflation: float) -> float:
+    """Schwarz' criterion up to a constant of the data; the smaller, the more likely the model."""
+    coordinates = candidate.fit.residual_px.size / max(1.0, inflation)
+    square = float(np.sum(candidate.fit.residual_px**2))
+    return coordinates * float(np.log(max(square, 1e-300))) + candidate.terms * float(np.log(coordinates))
+
+
 def chosen(five: Candidate, others: Sequence[Candidate]) -> Candidate:
-    """The one that predicts best among those that are worth leaving the usual five terms for, else these."""
-    better = [c for c in others if c.held_out_px < WORTH * five.held_out_px or not five.uncertainty.determined]
-    return min(better, key=lambda c: c.held_out_px, default=five)
+    """The usual five terms, or the likeliest of those that predict clearly better and equally well."""
+    determined = five.uncertainty.determined
+    clear = [c for c in others if (better_by(c, five) > CLEARLY and c.held_out_px < five.held_out_px) or not determined]
+    if not clear:
+        return five
+    best = min(clear, key=lambda c: c.held_out_px)
+    equal = [c for c in clear if better_by(best, c) <= EQUALLY]
+    return min(equal, key=lambda c: schwarz(c, best.uncertainty.inflation))
 
 
 def automatic(
@@ -110,9 +139,7 @@ def automatic(
         others += [eight] if _worth_eight(eight, base) else []
     best = chosen(base, others)
     if corners.views >= 5 and (best.name == "8 terms" or _strange(best, image_size, noise_px)):
-        fish = fitted("fisheye", corners, image_size, board_m)
-        if fish.held_out_px < (1.0 if best.name == "8 terms" else 0.95) * best.held_out_px:
-            return fish
+        return chosen(base, [*others, fitted("fisheye", corners, image_size, board_m)])
     return best
 
 

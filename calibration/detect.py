@@ -1,8 +1,8 @@
 """Finding the board in a photo: coarsely on a reduced image, then every corner on the full one.
 
 The coarse search (`findChessboardCorners` on an image a few hundred pixels wide) costs milliseconds and is right to
-about a pixel of the reduced image; the refinement (`cornerSubPix`, window growing with the corner spacing) decides
-the accuracy: about 0.02 px. Where the coarse search fails, larger images and the sector-based detector are tried.
+about a pixel of the reduced image; the refinement (refine.py) decides the accuracy: about 0.01 px. Where the coarse
+search fails, larger images and the sector-based detector are tried.
 Corners that the image does not show (a finger, a glare) are dropped.
 """
 
@@ -14,10 +14,11 @@ from collections.abc import Iterable, Iterator, Mapping
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
 from calibration.board import Board
 from calibration.charuco import find_charuco
-from calibration.squares import edge_blur_px, seen_corners, spacing_px
+from calibration.refine import refined
+from calibration.squares import in_line, laid_in, spacing_px
 from calibration.views import BoardView
 
 USUAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -26,7 +27,8 @@ COARSE = ((640, cv2.CALIB_CB_ADAPTIVE_THRESH), (640, USUAL), (1280, USUAL))
 
 SECTOR_PX = 1280
 MIN_SEEN = 0.7
-REFINE_STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-3)
+OFF_PX = 0.7
+"""How far a coarse corner may be off, in pixels of the reduced image."""
 
 
 def find_board(
@@ -36,29 +38,47 @@ def find_board(
     if board.marker_m is not None:
         return find_charuco(gray, board, name, taken=taken)
     best, most = None, 0
-    for coarse in coarse_grids(gray, board):
-        grid = refine(gray, coarse)
-        moved = np.hypot(*(grid - coarse).transpose(2, 0, 1))
-        seen = seen_corners(gray, grid) & (moved < 0.3 * spacing_px(coarse))
-        if seen.sum() > most:
-            best, most = (grid, seen), int(seen.sum())
-        if most == seen.size:
+    for coarse, factor in coarse_grids(gray, board):
+        found = _verified(gray, coarse, factor)
+        if int(found[1].sum()) > most:
+            best, most = found, int(found[1].sum())
+        if most == board.cols * board.rows:
             break
-    if best is None or most < MIN_SEEN * best[1].size:
+    if best is None or most < MIN_SEEN * board.cols * board.rows:
         return None
-    grid, seen = best
+    grid, seen, blur_px = best
     return BoardView(
         name=name,
         image_size=(gray.shape[1], gray.shape[0]),
         corners=grid[seen],
         index=np.flatnonzero(seen.ravel()),
-        blur_px=edge_blur_px(gray, grid),
+        blur_px=blur_px,
         taken=taken or {},
     )
 
 
-def coarse_grids(gray: cv2.typing.MatLike, board: Board) -> Iterator[Floats]:
-    """Corners (rows, cols, 2) to about a pixel of a reduced image, from one reduction after the other."""
+def _verified(gray: cv2.typing.MatLike, coarse: Floats, factor: int) -> tuple[Floats, Bools, tuple[float, float]]:
+    """Refined corners (rows, cols, 2), which of them the image shows, and the edges' blur.
+
+    Where every corner alternates with its neighbours, has whole edges and hardly moved, there is no doubt. Else corners
+    must lie on one surface too, and what is hidden is laid in anew and the others refined again beside it.
+    Turned by 180 degrees a board with an odd and an even side is another pattern: it is counted from the dark square.
+    """
+    found = refined(gray, coarse, OFF_PX * factor)
+    if sum(coarse.shape[:2]) % 2 == 1 and not found.dark_first and found.seen.any():
+        return _verified(gray, coarse[::-1, ::-1], factor)
+    far = np.abs(found.grid - coarse).max(axis=2)
+    if (found.seen & found.whole).all() and far.max() < OFF_PX * factor:
+        return found.grid, found.seen, found.blur_px
+    seen = found.seen & in_line(found.grid) & (far < 0.3 * spacing_px(coarse))
+    if seen.sum() < MIN_SEEN * seen.size:
+        return found.grid, seen, found.blur_px
+    again = refined(gray, laid_in(found.grid, seen), OFF_PX)
+    return again.grid, seen & again.seen & again.whole & in_line(again.grid), again.blur_px
+
+
+def coarse_grids(gray: cv2.typing.MatLike, board: Board) -> Iterator[tuple[Floats, int]]:
+    """Corners (rows, cols, 2) to a third of a reduced image's pixel, and the factor, one reduction after the other."""
     size, tried, any_found = (board.cols, board.rows), set(), False
     for longest, flags in COARSE:
         small, factor = reduced(gray, longest)
@@ -68,31 +88,12 @@ def coarse_grids(gray: cv2.typing.MatLike, board: Board) -> Iterator[Floats]:
         found, corners = cv2.findChessboardCorners(small, size, flags=flags)
         if found:
             any_found = True
-            yield _full_size(corners, factor, board)
+            yield _full_size(corners, factor, board), factor
     if not any_found:
         small, factor = reduced(gray, SECTOR_PX)
         found, corners = cv2.findChessboardCornersSB(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
         if found:
-            yield _full_size(corners, factor, board)
-
-
-def refine(gray: cv2.typing.MatLike, grid: Floats) -> Floats:
-    """Corners (rows, cols, 2) to a few hundredths of a pixel.
-
-    The image is smoothed a little first: the gradients that `cornerSubPix` squares are what noise biases. A window
-    of a third of the spacing it is: 0.42 is better on rendered photos, but leaves 0.16 instead of 0.10 px on real ones.
-    """
-    spacing = spacing_px(grid)
-    half = int(np.clip(spacing / 3, 3, max(15, spacing / 5)))
-    margin = half + 8
-    left, top = np.maximum(np.floor(grid.min(axis=(0, 1))).astype(int) - margin, 0)
-    right, bottom = np.ceil(grid.max(axis=(0, 1))).astype(int) + margin
-    part, sigma = gray[top:bottom, left:right], min(2.0, spacing / 12)
-    smooth = cv2.GaussianBlur(part, (5, 5) if sigma > 1 else (3, 3), sigma)
-    origin = np.array([left, top], float)
-    start = (grid - origin).reshape(-1, 1, 2).astype(np.float32)
-    fine = cv2.cornerSubPix(smooth, start, (half, half), (-1, -1), REFINE_STOP)
-    return np.asarray(np.asarray(fine, float).reshape(grid.shape) + origin)
+            yield _full_size(corners, factor, board), factor
 
 
 def reduced(gray: cv2.typing.MatLike, longest: int) -> tuple[cv2.typing.MatLike, int]:

@@ -43,6 +43,7 @@ def calibrate_files(
     files = find_photos([Path(s) for s in sources])
     _refuse_wrong_count(files, board)
     found, missing = find_views(files, board, progress)
+    _refuse_mirrored(files, board, found)
     _refuse_absent(board, found, missing)
     _refuse_mixed_cameras(found)
     rejected = [RejectedView(name=name, reason="the board was not found") for name in missing]
@@ -144,13 +145,31 @@ def _refuse_wrong_count(files: PhotoFiles, board: Board) -> None:
     )
 
 
+def _refuse_mirrored(files: PhotoFiles, board: Board, found: Sequence[BoardView]) -> None:
+    """Raises InputFileError where a ChArUco board is found in mirrored photos only; markers know left from right."""
+    if found or board.marker_m is None:
+        return
+    asked = list(_some_photos(files))
+    shown = [p.name for p in asked if find_board(np.ascontiguousarray(p.gray[:, ::-1]), board, p.name) is not None]
+    if shown:
+        raise InputFileError(
+            where=f"photos ({', '.join(shown)})",
+            seen=f"a mirrored board: its markers can be read in {len(shown)} of {len(asked)} photos asked, but only "
+            "when these are flipped",
+            expected="photos as the sensor saw them, of a board printed as it is",
+            advice="switch off the camera's mirroring (selfie mode); if the board was printed mirrored, print it again",
+        )
+
+
 def _refuse_absent(board: Board, found: Sequence[BoardView], missing: Sequence[str]) -> None:
     if not found:
         raise InputFileError(
             where=f"{len(missing)} photos ({', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''})",
             seen="the board in none of them",
             expected=f"a {'checkerboard' if board.marker_m is None else 'ChArUco board'} of {board.name} inner corners",
-            advice="check --board; the whole board with a white margin must be in the image, sharp and evenly lit",
+            advice="check --board; the whole board with a white margin must be in the image, sharp and evenly lit"
+            if board.marker_m is None
+            else "check --board, --dictionary and --marker-mm against what was printed; sharp and evenly lit photos",
         )
 
 

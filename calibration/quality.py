@@ -67,6 +67,18 @@ def coverage(views: Sequence[BoardView], rotation: Floats, translation_m: Floats
     )
 
 
+def lattice(image_size: tuple[int, int], columns: int = 21, rows: int = 17) -> Floats:
+    """(n, 2) pixels spread evenly over the image, its edges among them."""
+    x, y = np.meshgrid(np.linspace(0, image_size[0] - 1, columns), np.linspace(0, image_size[1] - 1, rows))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def reached(views: Sequence[BoardView], pixels: Floats) -> Bools:
+    """(n,) which pixels lie inside the hull of all corners."""
+    hull = cv2.convexHull(np.concatenate([v.corners for v in views]).astype(np.float32))
+    return np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), False) >= 0 for x, y in pixels])
+
+
 def missing_regions(seen: Bools) -> tuple[str, ...]:
     """Names of the image's regions (corners, edges) that no view reached."""
     blocks = {

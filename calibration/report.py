@@ -34,7 +34,7 @@ def calibration_page(
     `pictures` are JPEGs by the names of views (`calibration.pictures`).
     """
     width, height = found.camera.image_size
-    typical, worst = found.projection_sigma_px
+    known = found.direction_sigma
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>
 <meta name="viewport" content="width=device-width,initial-scale=1"><style>{STYLE}</style></head><body>
@@ -42,7 +42,8 @@ def calibration_page(
 <p>{width} x {height}, {escape(found.lens)}, {len(found.views)} views of a {escape(found.board.name)} board.
 Verdict: <span class="verdict" style="color:{COLOURS[found.verdict]}">{found.verdict}</span>.</p>
 <p>Reprojection error {found.rms_px:.3f} px RMS; views predicted from all the others {found.held_out_px:.3f} px; a
-direction is known to {typical:.2f} px typically, {worst:.2f} px at worst over the image (one sigma).</p>
+direction is known to {known.typical_px:.2f} px typically, {known.worst_px:.2f} px at worst (one sigma) where boards
+were seen{_elsewhere(found)}.</p>
 {_list("What is wrong", found.warnings)}{_list("What to photograph next", found.advice)}
 <h2>Intrinsics</h2>{_intrinsics(found)}
 {_correlated(found)}
@@ -60,6 +61,11 @@ direction is known to {typical:.2f} px typically, {worst:.2f} px at worst over t
 def _names(found: Calibration) -> Sequence[str]:
     every = FISHEYE_NAMES if found.camera.model == "fisheye" else NAMES
     return every[: 4 + len(found.camera.distortion)]
+
+
+def _elsewhere(found: Calibration) -> str:
+    beyond = found.direction_sigma.beyond_px
+    return "" if beyond != beyond else f", up to {beyond:.2f} px elsewhere" if beyond < 100 else ", nowhere else"
 
 
 def _list(heading: str, words: Sequence[str]) -> str:

@@ -55,6 +55,19 @@ class RejectedView:
     reason: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class DirectionSigma:
+    """One sigma of where the camera puts a direction, as a distance in pixels, a rotation of the camera taken off.
+
+    typical_px, worst_px  median and 95 % over the part of the image that boards reached (the hull of all corners)
+    beyond_px             the largest elsewhere, where the lens is extrapolated; NaN where nothing is left out
+    """
+
+    typical_px: float
+    worst_px: float
+    beyond_px: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
     """A calibrated camera with its quality.
@@ -65,7 +78,7 @@ class Calibration:
     held_out_px    RMS error of views predicted from all the others
     corner_noise_px  scatter of the corners about a smooth grid, per coordinate, whatever the lens
     inflation      by which the covariance was enlarged, because errors are shared by all corners of a view
-    projection_sigma_px  of where the camera puts a direction: median and worst over the image
+    direction_sigma  of where the camera puts a direction: what all of this means for a sighting
     bend_m         (m, 3) by which the board was found to differ from a flat, square one; None: taken as flat
     verdict        "good", "usable" or "poor", because of `warnings`; `advice` says what to photograph next
     """
@@ -79,7 +92,7 @@ class Calibration:
     held_out_px: float
     corner_noise_px: float
     inflation: float
-    projection_sigma_px: tuple[float, float]
+    direction_sigma: DirectionSigma
     coverage: Coverage
     bend_m: Floats | None
     verdict: Verdict

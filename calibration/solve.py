@@ -18,14 +18,16 @@ from calibration.camera import CameraModel
 from calibration.candidates import CHOICES, LEAST_NOISE_PX, Candidate, automatic, fitted, judged, model_named
 from calibration.errors import CalibrationError, InputFileError, UsageError
 from calibration.outliers import agreeing, contradicting, kept, two_cameras
-from calibration.quality import Coverage, coverage, grid_of
-from calibration.result import CalibratedView, Calibration, RejectedView
+from calibration.quality import Coverage, coverage, grid_of, lattice, reached
+from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView
 from calibration.start import normalised, view_rms_px
-from calibration.uncertainty import corner_noise_px, projection_sigma_px
+from calibration.uncertainty import believed, corner_noise_px, projection_sigma_px
 from calibration.verdict import Diagnosis, advice, judge, refuse_undetermined
 from calibration.views import BoardView
 
 LEAST_VIEWS = 3
+ROUNDS = 3
+
 BOARD_SIGMA = (0.001, 0.001, 0.005)
 """Prior of the board's shape over its longer side: printers and paper in the plane, boards that bend out of it."""
 
@@ -51,6 +53,7 @@ def calibrate(
     corners = stacked(views)
     best = _best(corners, views, board_m, terms, noise, start)
     best, diagnosis = _diagnosed(best, corners, noise, board)
+    best, corners = _settled(best, corners)
     reach = coverage(views, best.fit.rotation, best.fit.translation_m)
     refuse_undetermined(best, reach, views)
     return _calibration(best, views, board, corners, noise, diagnosis, reach, (*rejected, *outliers))
@@ -192,6 +195,17 @@ def _diagnosed(best: Candidate, corners: Corners, noise: float, board: Board) ->
     return best, diagnosis
 
 
+def _settled(best: Candidate, corners: Corners) -> tuple[Candidate, Corners]:
+    """The same lens, with less weight on views and corners that are less exact."""
+    weighed, fit = corners, best.fit
+    for _ in range(ROUNDS):
+        weighed = believed(fit, weighed)
+        if weighed.weight.min() == 1:
+            return best, corners
+        fit = adjust(best.model, fit, weighed, noise_px=best.uncertainty.sigma0_px, max_iterations=10)
+    return judged(best.name, best.model, fit, weighed), weighed
+
+
 def _sigma0(model: Model, fit: Fit, corners: Corners) -> float:
     shape = 0 if model.board_sigma_m is None else model.board_m.size - 6
     unknowns = int(model.free.sum()) + model.own * corners.views + shape
@@ -223,9 +237,8 @@ def _calibration(
         )
         for i, view in enumerate(views)
     )
-    spread = _projection_sigma(best, views[0].image_size)
-    worst = (float(np.median(spread)), float(spread.max()))
-    verdict, warnings = judge(best, used, rejected, reach, noise, diagnosis, worst, views[0].image_size)
+    known = _direction_sigma(best, views)
+    verdict, warnings = judge(best, used, rejected, reach, noise, diagnosis, known, views[0].image_size)
     camera = _camera(best, views, board, rejected, verdict)
     return Calibration(
         camera=camera,
@@ -237,22 +250,31 @@ def _calibration(
         held_out_px=best.held_out_px,
         corner_noise_px=noise,
         inflation=best.uncertainty.inflation,
-        projection_sigma_px=worst,
+        direction_sigma=known,
         coverage=reach,
         bend_m=best.fit.bend_m if diagnosis.bent else None,
         verdict=verdict,
         warnings=warnings,
-        advice=advice(reach, len(used)),
+        advice=advice(reach, len(used), known, views[0].image_size),
     )
 
 
-def _projection_sigma(best: Candidate, size: tuple[int, int]) -> Floats:
-    x, y = np.meshgrid(np.linspace(0, size[0] - 1, 11), np.linspace(0, size[1] - 1, 9))
-    pixels = np.stack([x.ravel(), y.ravel()], axis=1)
+def _direction_sigma(best: Candidate, views: Sequence[BoardView]) -> DirectionSigma:
+    """Sigmas on a lattice over the image, inside and outside of the hull of all corners."""
+    pixels = lattice(views[0].image_size)
     flat = normalised(best.model.lens, best.fit.intrinsics, pixels)
     rays = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
-    rays = rays[np.isfinite(flat).all(axis=1) & (np.abs(flat).max(axis=1) < 50)]
-    return projection_sigma_px(best.model, best.fit.intrinsics, best.uncertainty.covariance, rays)
+    inside = reached(views, pixels)
+    usable = np.isfinite(flat).all(axis=1) & (np.abs(flat).max(axis=1) < 50)
+    sigma = np.full(len(pixels), np.inf)
+    sigma[usable] = projection_sigma_px(
+        best.model, best.fit.intrinsics, best.uncertainty.covariance, rays[usable], inside[usable]
+    )
+    return DirectionSigma(
+        typical_px=float(np.median(sigma[inside])),
+        worst_px=float(np.quantile(sigma[inside], 0.95)),
+        beyond_px=float(sigma[~inside].max()) if (~inside).any() else float("nan"),
+    )
 
 
 def _camera(

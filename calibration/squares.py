@@ -1,12 +1,4 @@
-"""What the squares around corners look like: is there a corner at all, and how sharp is it.
-
-At a corner of a checkerboard two opposite squares are dark and two are bright, and which two alternates from corner
-to corner. With neighbours e1 (next column) and e2 (next row), the tone difference
-
-    contrast = ((+ +) + (- -) - (+ -) - (- +)) / 2 * (-1)^(column + row),   (s t) = gray at corner + 0.35 (s e1 + t e2)
-
-is then the same all over the board; where something hides a corner it is not.
-"""
+"""What the squares around corners look like: do the corners lie on one surface, and how sharp are their edges."""
 
 from __future__ import annotations
 
@@ -17,32 +9,8 @@ import numpy as np
 
 from calibration.arrays import Bools, Floats
 
-SEEN_SHARE = 0.35
-
-
-def seen_corners(gray: cv2.typing.MatLike, grid: Floats) -> Bools:
-    """(rows, cols) true where the image shows a corner; `grid` is (rows, cols, 2) pixels."""
-    diagonals = _diagonals(grid)
-    tones = _sample(gray, grid + np.stack([0.35 * diagonals, 0.2 * diagonals]))
-    return np.asarray(_alternating(tones[0]) & _alternating(tones[1]) & in_line(grid))
-
-
-def _diagonals(grid: Floats) -> Floats:
-    """(4, rows, cols, 2) offsets towards the four squares around each corner: ++, --, +-, -+."""
-    e1, e2 = steps(grid)
-    return np.stack([e1 + e2, -e1 - e2, e1 - e2, e2 - e1])
-
-
-def _alternating(tones: Floats) -> Bools:
-    """Where the tones (4, rows, cols) of the squares around a corner alternate as its neighbours' do."""
-    row, col = np.ogrid[: tones.shape[1], : tones.shape[2]]
-    contrast = (1 - 2 * ((row + col) % 2)) * (tones[0] + tones[1] - tones[2] - tones[3]) / 2
-    typical = middle_of(contrast)
-    if abs(typical) < 4:
-        return np.zeros(contrast.shape, bool)
-    across = np.maximum(np.abs(tones[0] - tones[1]), np.abs(tones[2] - tones[3]))
-    strong = contrast / typical > SEEN_SHARE
-    return np.asarray(strong & (across < 1.2 * np.abs(contrast) + 0.25 * abs(typical)))
+ASKED = 16
+"""Edges each way whose blur is measured."""
 
 
 def in_line(grid: Floats) -> Bools:
@@ -71,6 +39,19 @@ def in_line(grid: Floats) -> Bools:
     return good.reshape(rows, cols)
 
 
+def laid_in(grid: Floats, seen: Bools) -> Floats:
+    """The grid with the corners that were not `seen` where a smooth surface through the others puts them."""
+    rows, cols = grid.shape[:2]
+    plane, terms, _ = _surface(rows, cols)
+    flat, good = grid.reshape(-1, 2), seen.ravel()
+    first, _ = cv2.findHomography(plane[good], flat[good])
+    if np.ndim(first) != 2:
+        return grid
+    smooth = cv2.perspectiveTransform(plane[None], first)[0]
+    smooth = smooth + terms @ np.linalg.lstsq(terms[good], (flat - smooth)[good], rcond=None)[0]
+    return np.where(seen[..., None], grid, smooth.reshape(rows, cols, 2))
+
+
 @lru_cache(maxsize=16)
 def _surface(rows: int, cols: int) -> tuple[Floats, Floats, Floats]:
     """Grid places (n, 2) from -1 to 1, cubic terms (n, 10) there, and what a fit of those leaves (n, n)."""
@@ -84,14 +65,15 @@ def edge_blur_px(gray: cv2.typing.MatLike, grid: Floats) -> tuple[float, float]:
     """Blur (a Gaussian's sigma, pixels) across the board's row edges and column edges: (smaller, larger).
 
     Along a profile across an edge, sigma = step / (sqrt(2 pi) steepest slope). A camera that moved while it
-    exposed blurs one of the two directions more. Median over the edges, of which at most some 24 each way are asked.
+    exposed blurs one of the two directions more. Median over the edges, of which at most some 16 each way are asked.
     """
     e1, e2 = steps(grid)
-    row_edges = ((grid[:, :-1] + grid[:, 1:]) / 2).reshape(-1, 2)
-    col_edges = ((grid[:-1] + grid[1:]) / 2).reshape(-1, 2)
-    along_rows = _edge_sigma(gray, row_edges, e2[:, :-1].reshape(-1, 2))
-    along_cols = _edge_sigma(gray, col_edges, e1[:-1].reshape(-1, 2))
-    return min(along_rows, along_cols), max(along_rows, along_cols)
+    ways = (((grid[:, :-1] + grid[:, 1:]) / 2, e2[:, :-1]), ((grid[:-1] + grid[1:]) / 2, e1[:-1]))
+    some = [[v.reshape(-1, 2)[:: 1 + v.size // (2 * ASKED)] for v in way] for way in ways]
+    middle, across = (np.concatenate([way[k] for way in some]) for k in (0, 1))
+    slopes, first = _edge_sigmas(gray, middle, across), len(some[0][0])
+    found = [middle_of(s[s < np.inf]) if (s < np.inf).any() else float("nan") for s in (slopes[:first], slopes[first:])]
+    return min(found), max(found)
 
 
 def steps(grid: Floats) -> tuple[Floats, Floats]:
@@ -122,20 +104,15 @@ def _squares(vectors: Floats) -> Floats:
     return np.asarray(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
 
 
-def _edge_sigma(gray: cv2.typing.MatLike, middle: Floats, across: Floats) -> float:
-    """Median sigma of the edges at `middle` (k, 2), profiles along `across` to 0.35 of it either side."""
-    every = 1 + len(middle) // 24
-    middle, across = middle[::every], across[::every]
+def _edge_sigmas(gray: cv2.typing.MatLike, middle: Floats, across: Floats) -> Floats:
+    """(k,) sigma of the edges at `middle` (k, 2), profiles along `across` to 0.35 of it either side; inf: no edge."""
     length = np.sqrt(_squares(across)) * 0.7
     count = int(np.clip(round(3 * middle_of(length)), 9, 61))
     place = np.linspace(-0.35, 0.35, count)
     tone = _sample(gray, middle[:, None, :] + place[:, None] * across[:, None, :])
     step = np.abs(tone[:, -1] - tone[:, 0])
     slope = np.abs(tone[:, 1:] - tone[:, :-1]).max(axis=1) / (length / (count - 1))
-    good = step > 4
-    if not good.any():
-        return float("nan")
-    return middle_of(step[good] / slope[good]) / float(np.sqrt(2 * np.pi))
+    return np.where(step > 4, step / np.maximum(slope, 1e-9) / float(np.sqrt(2 * np.pi)), np.inf)
 
 
 def _sample(gray: cv2.typing.MatLike, points: Floats) -> Floats:

@@ -16,7 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust, normals, prior, project_all, project_with_jacobian, solvable
-from calibration.arrays import Floats
+from calibration.arrays import Bools, Floats
+
+CLEARLY_MORE = 1.4
+"""Scatter of one view's corners over the usual one: no accident from here on."""
+FAR_SIGMAS = 3.5
+"""As a distance, in sigmas of one coordinate: 0.2 % of good corners are further off."""
+MEDIAN_OFF = float(np.sqrt(2 * np.log(2)))
+"""Median distance of a corner that is off by one sigma per coordinate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +95,7 @@ def held_out_px(model: Model, fit: Fit, corners: Corners, without_view: Floats) 
             view=np.zeros(rows.stop - rows.start, int),
             views=1,
             height=corners.height,
+            weight=corners.weight[rows],
         )
         alone = Fit(
             intrinsics=without_view[v],
@@ -96,7 +104,7 @@ def held_out_px(model: Model, fit: Fit, corners: Corners, without_view: Floats) 
             turn_rad=fit.turn_rad[v : v + 1],
             bend_m=np.zeros_like(fit.bend_m),
             residual_px=fit.residual_px[rows],
-            weight=np.ones(len(one.xy)),
+            weight=one.weight,
         )
         error[v] = adjust(moved_board, alone, one, max_iterations=4).rms_px
     return error
@@ -118,16 +126,36 @@ def corner_noise_px(views_grids: list[Floats]) -> float:
     return float(np.sqrt(every.mean())) if len(every) else float("nan")
 
 
-def projection_sigma_px(model: Model, intrinsics: Floats, covariance: Floats, rays: Floats) -> Floats:
+def believed(fit: Fit, corners: Corners) -> Corners:
+    """The corners with less weight where they are less exact: smeared or noisy views, and single ones far off.
+
+    A view's own scatter is that of its residuals; only what no accident explains lowers its weight. The pull of a
+    corner beyond `FAR_SIGMAS` of its view is bounded (Huber): a reflection, a dirty square.
+    """
+    off = np.linalg.norm(fit.residual_px, axis=1)
+    count = np.bincount(corners.view, minlength=corners.views)
+    middle = np.array([np.median(off[corners.rows(v)]) for v in range(corners.views)]) / MEDIAN_OFF
+    scatter = middle * np.sqrt(2 * count / np.maximum(2 * count - 6, 1))
+    usual = float(np.median(scatter))
+    scatter = np.where(scatter > CLEARLY_MORE * usual, scatter, usual)
+    limit = FAR_SIGMAS * scatter[corners.view]
+    far = np.minimum(1, limit / np.maximum(off, np.maximum(limit, 1e-12)))
+    return replace(corners, weight=(usual / np.maximum(scatter, 1e-12))[corners.view] ** 2 * far)
+
+
+def projection_sigma_px(
+    model: Model, intrinsics: Floats, covariance: Floats, rays: Floats, levelled: Bools | None = None
+) -> Floats:
     """(n,) sigma of where the camera puts a direction: root of the trace of a pixel's covariance.
 
-    `rays` (n, 3) are directions that spread over the image. A change of intrinsics that a rotation of
-    the camera undoes does no harm (the pose takes it up), so the best common rotation is taken off first.
+    A change of intrinsics that a rotation of the camera undoes does no harm (the pose takes it up), so the rotation
+    that is best over the rays `levelled` (all of them, where not given) is taken off first. `rays` (n, 3).
     """
     _, by_point, by_intrinsics = project_with_jacobian(model.lens, intrinsics, rays)
     turn = np.stack([by_point @ np.cross(axis, rays)[:, :, None] for axis in np.eye(3)], axis=2)[..., 0]
-    flat_turn, flat = turn.reshape(-1, 3), by_intrinsics.reshape(-1, len(intrinsics))
-    left = (flat - flat_turn @ np.linalg.lstsq(flat_turn, flat, rcond=None)[0]).reshape(by_intrinsics.shape)
+    used = slice(None) if levelled is None else levelled
+    flat_turn, flat = turn[used].reshape(-1, 3), by_intrinsics[used].reshape(-1, len(intrinsics))
+    left = by_intrinsics - turn @ np.linalg.lstsq(flat_turn, flat, rcond=None)[0]
     return np.asarray(np.sqrt(np.einsum("nij,jk,nik->n", left, covariance, left)))
 
 

@@ -1,4 +1,14 @@
-"""Figures become words: what is wrong with a calibration, and what to photograph next."""
+"""Figures become words: what is wrong with a calibration, and what to photograph next.
+
+The principle of the verdict: a calibration is for directions, and they are judged where they were measured.
+
+* "poor" - do not use it: the views contradict the model (a moving camera, a rolling shutter), there are too few to
+  tell, or one sigma of a direction exceeds what one sighting in a video is worth (1 px, 0.1 % of the image's width),
+  typically, within the part of the image that boards reached.
+* "usable" - know what you do: a region that no board reached, where the sigma is told but is not held against the
+  part that was measured; few or bad views; a bent board; a sigma above half of that, or above all of it somewhere.
+* "good" - nothing to say.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +20,7 @@ import numpy as np
 from calibration.candidates import Candidate
 from calibration.errors import CalibrationError
 from calibration.quality import Coverage, missing_regions
-from calibration.result import CalibratedView, RejectedView, Verdict
+from calibration.result import CalibratedView, DirectionSigma, RejectedView, Verdict
 from calibration.views import BoardView
 
 LEAST_TILT_DEG = 5.0
@@ -81,17 +91,17 @@ def judge(
     reach: Coverage,
     noise_px: float,
     diagnosis: Diagnosis,
-    projection_px: tuple[float, float],
+    known: DirectionSigma,
     image_size: tuple[int, int],
 ) -> tuple[Verdict, tuple[str, ...]]:
     """The verdict and its reasons. A reason of the first list makes it "poor", of the second "usable"."""
-    blind, hazy = _unsure(projection_px, image_size)
+    blind, hazy = _unsure(known, image_size)
     poor = [*_misfit(best, noise_px, diagnosis), *blind]
     usable = [
         *_few_views(len(views)),
         *_bad_views(views, rejected),
         *_motion_blur(views),
-        *_reach(reach),
+        *_reach(reach, known),
         *_bent(diagnosis),
         *hazy,
     ]
@@ -103,7 +113,7 @@ def judge(
 
 def _misfit(best: Candidate, noise_px: float, diagnosis: Diagnosis) -> list[str]:
     rms, words = best.fit.rms_px, []
-    left = best.uncertainty.sigma0_px
+    left = diagnosis.sigma0_px
     if rms > 0.7 or (noise_px == noise_px and left > 5 * noise_px and left > 0.15):
         words.append(
             f"the lens model leaves {rms:.2f} px RMS, though neighbouring corners agree to {noise_px:.2f} px: "
@@ -118,16 +128,21 @@ def _misfit(best: Candidate, noise_px: float, diagnosis: Diagnosis) -> list[str]
     return words
 
 
-def _unsure(projection_px: tuple[float, float], image_size: tuple[int, int]) -> tuple[list[str], list[str]]:
+def worth_px(image_size: tuple[int, int]) -> float:
+    """What one sighting in a video is worth: 1 px, in large images 0.1 % of their width."""
+    return max(1.0, image_size[0] / 1000)
+
+
+def _unsure(known: DirectionSigma, image_size: tuple[int, int]) -> tuple[list[str], list[str]]:
     """(reasons for "poor", reasons for "usable")."""
-    typical, worst = projection_px
+    limit = worth_px(image_size)
     words = [
-        f"directions are uncertain by {typical:.1f} px typically and {worst:.1f} px at worst (one sigma over the image)"
+        f"directions are uncertain by {known.typical_px:.1f} px typically and {known.worst_px:.1f} px at worst (one "
+        "sigma over the part of the image that boards reached)"
     ]
-    limit = max(1.0, image_size[0] / 1000)
-    if typical > limit:
+    if known.typical_px > limit:
         return words, []
-    return [], words if max(worst, 2 * typical) > limit else []
+    return [], words if max(known.worst_px, 2 * known.typical_px) > limit else []
 
 
 def _few_views(count: int) -> list[str]:
@@ -160,19 +175,26 @@ def _motion_blur(views: Sequence[CalibratedView]) -> list[str]:
     return words
 
 
-def _reach(reach: Coverage) -> list[str]:
+def _reach(reach: Coverage, known: DirectionSigma) -> list[str]:
     words = []
     regions = missing_regions(reach.seen)
     if reach.area < ENOUGH_AREA:
         words.append(f"the boards cover {reach.area:.0%} of the image")
     if regions:
-        words.append(f"no board reached the image's {', '.join(regions)}: the lens is extrapolated there")
+        where = f"no board reached the image's {', '.join(regions)}"
+        words.append(f"{where}: the lens is extrapolated there, {_extrapolated(known)}")
     if reach.tilt_deg.max() < ENOUGH_TILT_DEG:
         words.append(
             f"boards are hardly tilted (at most {reach.tilt_deg.max():.0f} degrees): focal length and distance "
             "are hard to tell apart"
         )
     return words
+
+
+def _extrapolated(known: DirectionSigma) -> str:
+    if known.beyond_px > 100:
+        return "and nothing is known of directions there"
+    return f"where directions are uncertain by up to {known.beyond_px:.1f} px"
 
 
 def _bent(diagnosis: Diagnosis) -> list[str]:
@@ -184,12 +206,14 @@ def _bent(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def advice(reach: Coverage, count: int) -> tuple[str, ...]:
+def advice(reach: Coverage, count: int, known: DirectionSigma, image_size: tuple[int, int]) -> tuple[str, ...]:
     """What to photograph next, most useful first."""
     words = []
     if reach.tilt_deg.max() < 25:
         words.append("boards tilted by 25 to 45 degrees, about both axes")
     words += [f"a board that reaches the {region} of the image" for region in missing_regions(reach.seen)]
+    if known.beyond_px > worth_px(image_size) and not missing_regions(reach.seen):
+        words.append(f"boards nearer to the image's corners, {_extrapolated(known)}")
     if reach.roll_spread_deg < 8 and count >= 3:
         words.append("the board or the camera turned by 90 degrees about the line of sight")
     if reach.distance_m.max() < 1.3 * reach.distance_m.min():

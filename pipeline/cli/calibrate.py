@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from argparse import Namespace
 from pathlib import Path
@@ -95,6 +96,11 @@ def summary(found: Calibration, files: list[str], seconds: float) -> dict[str, A
         "K": found.camera.K.tolist(),
         "distortion": found.camera.distortion.tolist(),
         "sigma": found.sigma.tolist(),
+        "direction_sigma_px": {
+            "typical": found.direction_sigma.typical_px,
+            "worst": found.direction_sigma.worst_px,
+            "where_no_board_was": _finite(found.direction_sigma.beyond_px),
+        },
         "views": [
             {"name": view.name, "rms_px": view.rms_px, "held_out_px": view.held_out_px, "tilt_deg": view.tilt_deg}
             for view in found.views
@@ -105,6 +111,10 @@ def summary(found: Calibration, files: list[str], seconds: float) -> dict[str, A
         "seconds": {"calibrate": round(seconds, 3)},
         "files": files,
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def words(found: Calibration, files: list[str]) -> str:
@@ -123,6 +133,7 @@ def words(found: Calibration, files: list[str]) -> str:
         f"principal point  {cx:.2f} +- {found.sigma[2]:.2f},   {cy:.2f} +- {found.sigma[3]:.2f} px",
         f"lens             {found.lens}",
         f"reprojection     {found.rms_px:.3f} px RMS, {found.held_out_px:.3f} px for views left out",
+        f"a direction      {found.direction_sigma.typical_px:.2f} px (one sigma, where boards were seen)",
         f"verdict          {found.verdict}",
         f"written          {', '.join(files)}",
     ])  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 
 from calibration.adjust import Fit, Model, adjust, jacobians, project_all, stacked
 from calibration.start import first_fit
-from calibration.uncertainty import corner_noise_px, held_out_px, uncertainty
+from calibration.uncertainty import believed, corner_noise_px, held_out_px, uncertainty
 from tests.calibration_scenes import BOARD, camera, computed_views, poses, true_corners
 
 MIDDLE = BOARD.points_m - BOARD.points_m.mean(axis=0)
@@ -115,6 +115,32 @@ def test_claimed_sigmas_are_true_and_grow_when_views_share_errors():
         fit = adjust(FULL, start, corners)
         shared.append(uncertainty(FULL, fit, corners, 1e-4).inflation)
     assert np.mean(shared) > 5
+
+
+def test_less_exact_views_and_wild_corners_weigh_less_and_the_sigmas_stay_true():
+    random = np.random.default_rng(5)
+    seen = camera(distortion=(-0.28, 0.09, 0.0008, -0.0006, 0.05))
+    true = np.concatenate([seen.K[[0, 1, 0, 1], [0, 1, 2, 2]], seen.distortion])
+    clean = computed_views(seen, 12, seed=1, noise_px=0)
+    start = fitted(clean)[1]
+    pulls, plain = [], []
+    for _ in range(40):
+        noise = [random.normal(0, 0.2 if i in (3, 8) else 0.02, (54, 2)) for i in range(12)]
+        noise[5][7] += (0.6, -0.4)
+        corners = stacked([replace(v, corners=v.corners + n) for v, n in zip(clean, noise, strict=True)])
+        first = adjust(FULL, start, corners)
+        weighed = believed(first, corners)
+        fit = adjust(FULL, first, weighed)
+        assert weighed.weight[corners.rows(3)].max() < 0.1
+        assert weighed.weight[corners.rows(0)].min() > 0.4
+        assert weighed.weight[corners.rows(5)][7] < 0.3
+        worth = uncertainty(FULL, fit, weighed, 1e-4)
+        pulls.append((fit.intrinsics - true) / np.sqrt(np.diag(worth.covariance)))
+        plain.append((first.intrinsics - true) / np.sqrt(np.diag(worth.covariance)))
+    z = np.sqrt(np.mean(np.square(pulls), axis=0))
+    assert (z > 0.65).all()
+    assert (z < 1.3).all()
+    assert np.sqrt(np.mean(np.square(plain))) > 1.8 * np.sqrt(np.mean(np.square(pulls)))
 
 
 def test_corner_noise_is_seen_without_knowing_the_lens():

@@ -1,10 +1,12 @@
 import struct
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from calibration import Board, calibrate_files, read_camera, write_camera
+from calibration import Board, calibrate, calibrate_files, read_camera, write_camera
+from calibration.charuco import charuco_board
 from calibration.errors import InputFileError, UsageError
 from calibration.exif import exif_of
 from calibration.from_files import spread_out
@@ -127,6 +129,42 @@ def test_photos_of_two_cameras_by_their_own_word(tmp_path, shots):
         calibrate_files([tmp_path], BOARD)
 
 
+def test_a_mirrored_charuco_board_is_refused_as_such(tmp_path):
+    board = Board(cols=7, rows=5, square_m=0.03, marker_m=0.021, dictionary="DICT_5X5_100")
+    sheet = charuco_board(board).generateImage((480, 360), marginSize=0)
+    for i in range(3):
+        place = np.array([[0.9, 0.05 * i, 30], [-0.05, 0.85, 40], [5e-5, 1e-5, 1]])
+        shot = cv2.warpPerspective(sheet, place, (480, 360), borderValue=200, flags=cv2.INTER_AREA)
+        cv2.imwrite(str(tmp_path / f"p{i}.png"), shot[:, ::-1])
+    with pytest.raises(InputFileError, match=r"a mirrored board.* 3 of 3") as error:
+        calibrate_files([tmp_path], board)
+    assert error.value.exit_code == 3
+
+
+def test_a_mirrored_checkerboard_is_the_same_pattern_and_gives_the_mirrored_camera():
+    """Nothing in the photos can tell; the camera that is found belongs to the photos as they are."""
+    lens = camera()
+    views = computed_views(lens, 12)
+    rows, cols = BOARD.rows, BOARD.cols
+    order = np.arange(rows * cols).reshape(rows, cols)[::-1].ravel()
+    flipped = [replace(v, corners=((639, 0) + v.corners * (-1, 1))[order]) for v in views]
+    found = calibrate(flipped, BOARD)
+    assert found.camera.K[0, 2] == pytest.approx(639 - lens.K[0, 2], abs=4 * found.sigma[2])
+    assert found.camera.K[0, 0] == pytest.approx(lens.K[0, 0], abs=4 * found.sigma[0])
+
+
+def test_mirrored_photos_among_others_are_named():
+    lens = camera()
+    views = computed_views(lens, 15)
+    order = np.arange(54).reshape(6, 9)[::-1].ravel()
+    flipped = [
+        replace(v, corners=((639, 0) + v.corners * (-1, 1))[order]) if i in (4, 9) else v for i, v in enumerate(views)
+    ]
+    found = calibrate(flipped, BOARD)
+    assert {r.name for r in found.rejected} == {views[4].name, views[9].name}
+    assert found.verdict != "good"
+
+
 def test_a_video_is_as_good_as_photos(tmp_path, shots):
     path = tmp_path / "board.avi"
     out = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10, (480, 360))
@@ -152,3 +190,10 @@ def test_views_of_a_video_are_thinned_to_those_that_differ():
     assert [v.name for v in chosen] == [v.name for v in views]
     assert len(spread_out(views, 4)) == 4
     assert spread_out([], 4) == []
+
+
+def test_blurred_frames_of_a_video_are_passed_over():
+    views = [replace(v, blur_px=(0.8, 0.9)) for v in computed_views(camera(), 6)]
+    smeared = [replace(v, name=f"{v.name}-smeared", blur_px=(0.8, 2.5)) for v in computed_views(camera(), 3, seed=9)]
+    chosen = spread_out([*smeared, *views], 20)
+    assert [v.name for v in chosen] == [v.name for v in views]
