@@ -22,8 +22,14 @@ from calibration.squares import in_line, laid_in, spacing_px
 from calibration.views import BoardView
 
 USUAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-COARSE = ((640, cv2.CALIB_CB_ADAPTIVE_THRESH), (640, USUAL), (1280, USUAL))
-"""Longer sides of the reduced images that are searched in turn, and how: the first one finds most boards."""
+COARSE = (
+    (640, cv2.CALIB_CB_NORMALIZE_IMAGE),
+    (640, cv2.CALIB_CB_ADAPTIVE_THRESH),
+    (640, USUAL),
+    (1280, USUAL),
+)
+"""Longer sides of the reduced images that are searched in turn, and how: one threshold for the whole image takes 0.6
+of the time of adaptive ones and finds boards that are evenly lit."""
 
 SECTOR_PX = 1280
 MIN_SEEN = 0.7

@@ -109,7 +109,7 @@ def _signed(contrast: Floats) -> Floats:
 def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straight: bool = False) -> Moved:
     """Corners (rows, cols, 2) moved once, on edges as wide as `blur_px`; at most by twice that.
 
-    `straight` is for the first steps: what the lens bends is left out.
+    `straight` is for the first steps: what the lens bends is left out, and every other pixel along the edges.
     """
     surface = _plane(grid) if straight else _surface(grid)
     across = surface[:, :, :, 2].copy()
@@ -117,7 +117,8 @@ def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straigh
     area = np.maximum(np.abs(across[0, :, 0] * across[1, :, 1] - across[0, :, 1] * across[1, :, 0]), LEAST_LENGTH)
     sigma = blur_px * length[::-1] / area
     narrow = np.minimum(sigma, REACH / ACROSS[-1])
-    along, terms = _strip(2 * int(np.clip(REACH * middle_of(length) / ALONG_PX, 4, MOST_ALONG // 2)))
+    sparse = 2 if straight else 1
+    along, terms = _strip(2 * int(np.clip(REACH * middle_of(length) / (sparse * ALONG_PX), 4, MOST_ALONG // 2)))
     surface[:, :, :, 2] *= narrow[:, :, None]
     if not straight:
         surface[:, :, :, 4] *= narrow[:, :, None]
