@@ -63,7 +63,7 @@ def write_logs(folder: Path) -> tuple[Path, Path]:
 
 def with_gyros(content: bytes) -> bytes:
     """IMU at 400 Hz between a DataFlash log's own messages."""
-    from pipeline.telemetry.dataflash import layouts_of
+    from pipeline.telemetry.dataflash_layout import layouts_of
 
     kinds = layouts_of(content, upto=len(content))
     form = struct.Struct("<QBfffffffBBHH")

@@ -32,7 +32,8 @@ from pipeline.synthetic.instruments import LogClock, record
 from pipeline.synthetic.mavlink_log import tlog_bytes
 from pipeline.synthetic.simulate import DEMO
 from pipeline.telemetry import inspect_log, read_log, read_pose_table
-from pipeline.telemetry.dataflash import layouts_of, read_dataflash
+from pipeline.telemetry.dataflash import read_dataflash
+from pipeline.telemetry.dataflash_layout import layouts_of
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 
 KINDS = ("bit flips", "inserted garbage", "dropped bytes", "cut frames", "truncation")
