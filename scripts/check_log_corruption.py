@@ -153,14 +153,16 @@ def hit_in_place(message: bytes, content: bytes, whole: bytes) -> bool:
 # --- the two checks ------------------------------------------------------------------------------------------------
 
 
-def check_corruptions(folder: Path, runs: int) -> bool:
-    """The table of corruptions."""
+def check_corruptions(folder: Path, runs: int, only: str) -> bool:
+    """The table of corruptions; `only` names logs or kinds of damage, or is empty."""
     tlog, binary = written_logs()
     fine = True
     print(f"{'log':<10}{'damage':<18}{'runs':>6}{'crashes':>9}{'wrong':>7}{'hit':>6}{'fewer than pymavlink':>22}"
           f"{'ours good':>11}{'theirs':>9}{'theirs wrong':>14}")  # fmt: skip
     for what, whole in (("tlog", tlog), ("dataflash", binary)):
         for k, kind in enumerate(KINDS):
+            if only and only not in (what, kind):
+                continue
             tally: Counter[str] = Counter()
             for run in range(k, runs, len(KINDS)):
                 one_corruption(folder, what, whole, kind, run, tally)
@@ -364,10 +366,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1000, help="corruptions of each log (default 1000)")
     parser.add_argument("--fuzz", type=float, default=0.0, metavar="MINUTES", help="instead: fuzz every reader")
+    parser.add_argument("--only", default="", help="one log (tlog, dataflash) or one kind of damage ('cut frames' ...)")
     parser.add_argument("--show", action="store_true", help="say where a message was wrong or missed")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        fine = fuzz(Path(folder), arguments.fuzz) if arguments.fuzz else check_corruptions(Path(folder), arguments.runs)
+        if arguments.fuzz:
+            fine = fuzz(Path(folder), arguments.fuzz)
+        else:
+            fine = check_corruptions(Path(folder), arguments.runs, arguments.only)
     print("fine" if fine else "NOT fine")
     return 0 if fine else 1
 

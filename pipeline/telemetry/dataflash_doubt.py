@@ -2,26 +2,28 @@
 
 g bytes that belong to no message stand before the next one. Either they were put exactly behind the message, or
 somewhere inside it, after its byte o: then its rest stands g bytes further on, and what we read there is garbage. All
-places are as likely beforehand, so with p(.) the probability of fields given the messages of the same kind around,
+places are as likely beforehand. With p(.) the probability of a message's fields given those of its kind around it, and
+1/256 for each byte of garbage, the odds of whole against broken at o, w = size - o bytes before the end, are
 
-    odds that it is whole = p(fields as they stand) / sum over o of p(fields with the rest from g bytes further on)
+    p(as it stands) / p(with the rest from g bytes further on)  +  DOUBLE p(as it stands) / p(its first o bytes) 256^w
 
-where what is no field's byte has probability 1/256 a byte in all cases alike. A number's probability is a Student-t
-density about its neighbours, as wide as they scatter, times the step from one number to the next; a text's is that of
-being one of its neighbours.
+the second term for a whole message whose follower was hit too, so that a rest stands further on all the same. A
+number's probability is a Student-t density about its neighbours, as wide as they scatter, times the step from one
+number to the next; a text's is that of being one of its neighbours.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from calibration.arrays import Floats
+from pipeline.telemetry.dataflash_layout import LETTERS, Layout
 
 ODDS = 9.0
 """A message is believed where it is this much more likely whole than not."""
+DOUBLE = 1e-2
+"""How likely a second damage is in the message that follows."""
 STRAY = 1e-3
 """Share of a field's values that have nothing to do with their neighbours: modes, counters that wrap, resets."""
 HEAD_BYTES = 3
@@ -31,33 +33,41 @@ def is_whole(
     data: npt.NDArray[np.uint8],
     at: int,
     resume: int,
-    form: np.dtype[np.void],
-    numbers: Sequence[str],
+    layout: Layout,
     around: npt.NDArray[np.void],
 ) -> bool:
-    """Whether the message of layout `form` at `at` is whole, the next one standing at `resume`.
+    """Whether the message of this layout at `at` is whole, the next one standing at `resume`.
 
-    `numbers` names the fields that are numbers; `around` (k,) holds messages of the same kind near it, in their order.
+    `around` (k,) holds messages of the same kind near it, in their order.
     """
-    size = form.itemsize
+    size, numbers = layout.length, layout.numbers
     garbage = resume - at - size
     if not len(around):
         return False
     cases = np.repeat(data[None, at : at + size], size - HEAD_BYTES + 1, axis=0)  # row 0 as it stands
     for row, o in enumerate(range(HEAD_BYTES, size), start=1):
         cases[row, o:] = data[at + o + garbage : at + size + garbage]
-    log_p = np.zeros(len(cases))
-    fields = cases.view(form)[:, 0]
-    for name in form.names[1:]:
-        log_p += _number(fields[name], around[name]) if name in numbers else _text(fields[name], around[name])
-    against = log_p[1:] - log_p[0]
-    return bool(np.sum(np.exp(np.minimum(against, 50.0))) * ODDS < 1.0)
+    fields = cases.view(layout.dtype)[:, 0]
+    log_p = np.stack([
+        _number(fields[name], around[name]) if name in numbers else _text(fields[name], around[name])
+        for name in layout.fields
+    ])  # fmt: skip
+    whole, broken = log_p[:, 0].sum(), log_p[:, 1:].sum(axis=0)
+    widths = [np.dtype(LETTERS[letter]).itemsize for letter in layout.letters]
+    begins = HEAD_BYTES + np.concatenate([[0], np.cumsum(widths)])
+    before = np.concatenate([[0.0], np.cumsum(log_p[:, 0])])
+    field = np.searchsorted(begins, np.arange(HEAD_BYTES, size), side="right") - 1  # the one with byte o
+    cut = before[field] - (size - begins[field]) * np.log(256.0)
+    odds = np.logaddexp(whole - broken, whole - cut + np.log(DOUBLE))
+    other = np.any(cases[1:] != cases[0], axis=1)  # where it would read the same it does not matter
+    return bool(np.sum(np.exp(-np.maximum(odds[other], -50.0))) * ODDS < 1.0)
 
 
 def _number(value: npt.NDArray[np.generic], near: npt.NDArray[np.generic]) -> Floats:
     """log p of each value (n,), given its neighbours (k,) in order."""
     bits = 8 * value.dtype.itemsize
-    x, them = value.astype(float), near.astype(float)
+    with np.errstate(invalid="ignore"):  # signalling NaNs
+        x, them = value.astype(float), near.astype(float)
     them = them[np.isfinite(them)]
     blind = np.full(len(x), -bits * np.log(2.0))
     if not len(them):

@@ -82,5 +82,3 @@ def _layout(message: bytes) -> Layout | None:
         return layout if named and layout.dtype.itemsize == length else None
     except (UnicodeDecodeError, KeyError, ValueError):
         return None
-
-

@@ -88,6 +88,6 @@ def _judged(
         windows = np.lib.stride_tricks.sliding_window_view(source, layout.length)[near]
         around = windows.view(layout.dtype)[:, 0]
         at, resume = int(place[i]), int(resumed[i])
-        believed[i] = is_whole(source, at, resume, layout.dtype, layout.numbers, around)
+        believed[i] = is_whole(source, at, resume, layout, around)
         counts[kinds[i]] += believed[i]
     return np.asarray(believed)
