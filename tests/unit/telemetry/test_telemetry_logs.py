@@ -342,7 +342,7 @@ class TestDataflash:
         assert log.corrupt_packets == 2
         assert (
             sum(log.counts.values()) == len(dataflash_records()) - 1
-        )  # the cut one; that the one before the zeros is whole its bytes tell
+        )  # the cut one
 
     def test_a_file_of_something_else_is_refused(self, tmp_path):
         with pytest.raises(InputFileError, match="no message definition"):
