@@ -19,7 +19,10 @@ from pipeline.telemetry.dataflash_places import scan_dataflash
 from pipeline.telemetry.mapped_file import Bytes, mapped
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
 
-WANTED = ("PARM", "ATT", "XKQ", "XKQ1", "NKQ1", "AHR2", "POS", "GPS", "GPA", "MNT", "CAM", "TRIG", "XKF4", "NKF4")
+WANTED = (
+    "PARM", "ATT", "XKQ", "XKQ1", "NKQ1", "AHR2", "POS", "GPS", "GPA", "MNT", "CAM", "TRIG", "XKF4", "NKF4", "XKF1",
+    "NKF1", "ORGN",
+)  # fmt: skip
 
 
 def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Progress = None) -> RawLog:
