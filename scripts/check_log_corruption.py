@@ -38,6 +38,7 @@ from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 
 KINDS = ("bit flips", "inserted garbage", "dropped bytes", "cut frames", "truncation")
 HANG_S, MEMORY_BYTES = 30, 3 << 30
+SEED = [77]
 SRT = "1\n00:00:0{i},000 --> 00:00:0{i},900\n[latitude: 41.5] [longitude: 2.25] [rel_alt: 5.4 abs_alt: 117.0]\n\n"
 
 
@@ -183,7 +184,7 @@ def one_corruption(folder: Path, what: str, whole: bytes, kind: str, run: int, t
         path.write_bytes(whole)
         _WHOLE[what] = whole_log(path, what, whole)
     ours_true, theirs_true, spans, first = _WHOLE[what]
-    content = broken(whole, np.random.default_rng([run, 77]), kind, spans, first)
+    content = broken(whole, np.random.default_rng([run, SEED[0]]), kind, spans, first)
     path.write_bytes(content)
     tally["runs"] += 1
     try:
@@ -367,8 +368,10 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=1000, help="corruptions of each log (default 1000)")
     parser.add_argument("--fuzz", type=float, default=0.0, metavar="MINUTES", help="instead: fuzz every reader")
     parser.add_argument("--only", default="", help="one log (tlog, dataflash) or one kind of damage ('cut frames' ...)")
+    parser.add_argument("--seed", type=int, default=SEED[0], help="of the damages (default 77)")
     parser.add_argument("--show", action="store_true", help="say where a message was wrong or missed")
     arguments = parser.parse_args()
+    SEED[0] = arguments.seed
     with tempfile.TemporaryDirectory() as folder:
         if arguments.fuzz:
             fine = fuzz(Path(folder), arguments.fuzz)
