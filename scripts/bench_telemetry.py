@@ -63,7 +63,7 @@ def write_logs(folder: Path) -> tuple[Path, Path]:
 
 def with_gyros(content: bytes) -> bytes:
     """IMU at 400 Hz between a DataFlash log's own messages."""
-    from pipeline.telemetry.dataflash import layouts_of
+    from pipeline.telemetry.dataflash_layout import layouts_of
 
     kinds = layouts_of(content, upto=len(content))
     form = struct.Struct("<QBfffffffBBHH")
@@ -133,7 +133,12 @@ def theirs_bin(path: Path) -> list[object]:
 
 
 def warm(path: Path, readers: dict[str, Callable[[Path], object]], rounds: int) -> dict[str, float]:
-    """CPU seconds of each reader, the median of interleaved rounds; the slow last one is read in fewer."""
+    """CPU seconds of each reader, the median of interleaved rounds; the slow last one is read in fewer.
+
+    Warm means that the compiled loops are loaded, as after the first log that needed them.
+    """
+    import pipeline.telemetry.mavlink_scan  # noqa: F401
+
     seconds: dict[str, list[float]] = {name: [] for name in readers}
     for _ in range(rounds):
         for name, read in readers.items():

@@ -32,11 +32,13 @@ from pipeline.synthetic.instruments import LogClock, record
 from pipeline.synthetic.mavlink_log import tlog_bytes
 from pipeline.synthetic.simulate import DEMO
 from pipeline.telemetry import inspect_log, read_log, read_pose_table
-from pipeline.telemetry.dataflash import layouts_of, read_dataflash
+from pipeline.telemetry.dataflash import read_dataflash
+from pipeline.telemetry.dataflash_layout import layouts_of
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 
 KINDS = ("bit flips", "inserted garbage", "dropped bytes", "cut frames", "truncation")
 HANG_S, MEMORY_BYTES = 30, 3 << 30
+SEED = [77]
 SRT = "1\n00:00:0{i},000 --> 00:00:0{i},900\n[latitude: 41.5] [longitude: 2.25] [rel_alt: 5.4 abs_alt: 117.0]\n\n"
 
 
@@ -152,14 +154,16 @@ def hit_in_place(message: bytes, content: bytes, whole: bytes) -> bool:
 # --- the two checks ------------------------------------------------------------------------------------------------
 
 
-def check_corruptions(folder: Path, runs: int) -> bool:
-    """The table of corruptions."""
+def check_corruptions(folder: Path, runs: int, only: str) -> bool:
+    """The table of corruptions; `only` names logs or kinds of damage, or is empty."""
     tlog, binary = written_logs()
     fine = True
     print(f"{'log':<10}{'damage':<18}{'runs':>6}{'crashes':>9}{'wrong':>7}{'hit':>6}{'fewer than pymavlink':>22}"
           f"{'ours good':>11}{'theirs':>9}{'theirs wrong':>14}")  # fmt: skip
     for what, whole in (("tlog", tlog), ("dataflash", binary)):
         for k, kind in enumerate(KINDS):
+            if only and only not in (what, kind):
+                continue
             tally: Counter[str] = Counter()
             for run in range(k, runs, len(KINDS)):
                 one_corruption(folder, what, whole, kind, run, tally)
@@ -180,7 +184,7 @@ def one_corruption(folder: Path, what: str, whole: bytes, kind: str, run: int, t
         path.write_bytes(whole)
         _WHOLE[what] = whole_log(path, what, whole)
     ours_true, theirs_true, spans, first = _WHOLE[what]
-    content = broken(whole, np.random.default_rng([run, 77]), kind, spans, first)
+    content = broken(whole, np.random.default_rng([run, SEED[0]]), kind, spans, first)
     path.write_bytes(content)
     tally["runs"] += 1
     try:
@@ -363,10 +367,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1000, help="corruptions of each log (default 1000)")
     parser.add_argument("--fuzz", type=float, default=0.0, metavar="MINUTES", help="instead: fuzz every reader")
+    parser.add_argument("--only", default="", help="one log (tlog, dataflash) or one kind of damage ('cut frames' ...)")
+    parser.add_argument("--seed", type=int, default=SEED[0], help="of the damages (default 77)")
     parser.add_argument("--show", action="store_true", help="say where a message was wrong or missed")
     arguments = parser.parse_args()
+    SEED[0] = arguments.seed
     with tempfile.TemporaryDirectory() as folder:
-        fine = fuzz(Path(folder), arguments.fuzz) if arguments.fuzz else check_corruptions(Path(folder), arguments.runs)
+        if arguments.fuzz:
+            fine = fuzz(Path(folder), arguments.fuzz)
+        else:
+            fine = check_corruptions(Path(folder), arguments.runs, arguments.only)
     print("fine" if fine else "NOT fine")
     return 0 if fine else 1
 

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline
 
 from calibration.arrays import Floats, frozen, settle
 
@@ -50,6 +49,8 @@ class Motion:
 
     def position_enu_m(self, time_s: Floats, derivative: int = 0) -> Floats:
         """Position (n, 3), or its time derivative (m/s, m/s^2, ...), at common times (n,)."""
+        from scipy.interpolate import BSpline  # slow to import, and most records hold no spline
+
         spline = BSpline(self.knots_s, self.coefficients, self.degree)
         return np.asarray(spline(np.asarray(time_s, float), nu=derivative))
 

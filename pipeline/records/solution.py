@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import chi2
 
 from calibration.arrays import Floats, Ints, frozen, settle
 from pipeline.records.motion import Motion
@@ -208,6 +207,8 @@ class Solution:
         """The test of unit weight; None where nothing is left over or residuals have no sigma (the paper's methods)."""
         if self.method != "map" or self.degrees_of_freedom < 1:
             return None
+        from scipy.stats import chi2  # slow to import
+
         free = self.degrees_of_freedom
         low, high = (float(chi2.ppf(share, free)) / free for share in (0.025, 0.975))
         tails = chi2.cdf(self.chi_square, free), chi2.sf(self.chi_square, free)

@@ -12,6 +12,7 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import fit_clock, plausible_utc, settled, utc_from_gps
+from pipeline.telemetry.dataflash_local import local_position, of_core
 from pipeline.telemetry.flight_log import (
     EARTH,
     HEADING,
@@ -27,7 +28,8 @@ from pipeline.telemetry.heights import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.series import attitude_series, denser, gimbal_series, median_of, position_series
 from pipeline.telemetry.tables import MessageTable, RawLog
 
-POSITION_MESSAGES = ("POS", "GPS", "AHR2")
+POSITION_MESSAGES = ("POS", "XKF1", "GPS", "AHR2")
+"""The best first; XKF1 stands for NKF1 too."""
 GPS_UTC_FLOOR_S = 0.2
 """A receiver's message is logged when it has arrived and been parsed, 0.1 to 0.2 s after the moment it speaks of."""
 OLD_MOUNT = ("ActRoll", "ActPitch", "ActYaw")
@@ -86,6 +88,11 @@ def _gps(raw: RawLog) -> MessageTable | None:
 def _position(raw: RawLog) -> PositionSeries | None:
     undulation = _undulation(raw)
     for name in POSITION_MESSAGES:
+        if name == "XKF1":
+            local = _local(raw, undulation)
+            if local is not None and local.valid.sum() >= 2:
+                return local
+            continue
         table = _gps(raw) if name == "GPS" else raw.table(name)
         if table is None:
             continue
@@ -115,6 +122,19 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=velocity,
     )
+
+
+def _local(raw: RawLog, undulation: Undulation | None) -> PositionSeries | None:
+    found = local_position(raw)
+    if found is None:
+        return None
+    table, lat_deg, lon_deg, height = found
+    words, height = on_ellipsoid(height, undulation, lat_deg, lon_deg)
+    return position_series(
+        source=table.name, datum="ellipsoid", height_from=words, time_s=time_of(table), lat_deg=lat_deg,
+        lon_deg=lon_deg, height_m=height,
+        velocity_ned_mps=np.stack([table.floats(name) for name in ("VN", "VE", "VD")], axis=1),
+    )  # fmt: skip
 
 
 def _undulation(raw: RawLog) -> Undulation | None:
@@ -155,14 +175,8 @@ def _primary_core(raw: RawLog) -> MessageTable | None:
     """Quaternions of the estimator's core that flew, if it was the same one all the time."""
     for name, status in (("XKQ", "XKF4"), ("NKQ1", "NKF4"), ("XKQ1", "XKF4")):
         table, state = raw.table(name), raw.table(status)
-        if table is None:
-            continue
-        if "C" not in table:
-            return table
-        cores = np.unique(state.floats("PI")) if state is not None and "PI" in state else np.zeros(1)
-        if len(cores) == 1:
-            chosen = table.only(np.asarray(table.floats("C") == cores[0]))
-            return chosen if len(chosen) else None
+        if table is not None and ("C" not in table or of_core(table, state) is not None):
+            return of_core(table, state)
     return None
 
 

@@ -1,11 +1,11 @@
-"""Where the messages of a DataFlash log are.
+"""Where the messages of a damaged stretch of a DataFlash log are.
 
 A message is A3 95 kind payload; its length follows from its kind. There is no checksum, so a message is believed
-where another message follows it, or one whose header has a single wrong bit or garbage in it, or nothing more. Where
-other garbage follows, bytes were more likely lost or added inside of the message than exactly behind it, and it is not
-believed. Nor is one whose last bytes are another message, whole: it was cut off, and what came next happened to fill it
-up. Reading starts again where two messages follow each other, or where one carries a time within TIME_SPAN_US of the
-last. Numba compiles this file: everything is a bare array.
+where another message follows it, or one whose header has a single wrong bit or garbage in it, or one that the end of
+the file cuts off. Where other garbage follows it is listed as doubtful: its bytes have to tell (`dataflash_doubt`). Not
+believed is one whose last bytes are another message, whole: it was cut off, and what came next happened to fill it up.
+Reading starts again where two messages follow each other, or where one carries a time within TIME_SPAN_US of the last.
+Numba compiles this file: everything is a bare array.
 """
 
 from __future__ import annotations
@@ -99,9 +99,23 @@ def filled_up(data: Any, at: int, end: int, size: int, length: Any) -> int:
 
 
 @loop
+def cut_off(data: Any, size: int, at: int, length: Any) -> bool:
+    """Whether a message begins at `at` that the end of the file cuts off."""
+    left = size - at
+    if left <= 0 or data[at] != HEAD_1:
+        return left <= 0
+    if left == 1:
+        return True
+    if data[at + 1] != HEAD_2:
+        return False
+    return left == 2 or length[data[at + 2]] > left
+
+
+@loop
 def scan_messages(
-    data: Any, size: int, length: Any, time_bytes: Any, wanted: Any, counts: Any, start: Any, kinds: Any, state: Any
-) -> int:
+    data: Any, size: int, length: Any, time_bytes: Any, wanted: Any, counts: Any,
+    start: Any, kinds: Any, resumed: Any, state: Any,
+) -> int:  # fmt: skip
     """Places of the `wanted` kinds from state[AT] on, as many as fit into `start` and `kinds`; returns how many.
 
     data        (size,) bytes
@@ -109,28 +123,27 @@ def scan_messages(
     time_bytes  (256,) 8 where a kind starts with microseconds, 4 with milliseconds, else 0
     wanted      (256,) true for kinds to list
     counts      (256,) is added to, for every kind
+    resumed     like `start`: 0, or for a doubtful message, which is not counted, where the next one begins
     state       (3,) where to go on, how many stretches were no message, the last message with a time or -1
     """
     at, corrupt, timed = state[AT], state[CORRUPT], state[LAST_TIMED]
     found, room = 0, len(start)
     known = known_at(data, size, at, length)
     while at + 3 <= size and found < room:
-        kind = data[at + 2]
+        kind, doubtful = data[at + 2], 0
         following = at + length[kind] if known else at + 1
         known_next = following < size and known_at(data, size, following, length)
         inside = filled_up(data, at, following, size, length) if known and known_next else 0
         if inside:
             known, following, known_next = False, inside, True
-        elif known and not known_next and following < size:  # what follows is no message: is this one?
+        elif known and not known_next and not cut_off(data, size, following, length):  # no message: is this one?
             last_us = time_us(data, timed, time_bytes) if timed >= 0 else -1
             resume = next_message(data, size, at + 3, length, time_bytes, last_us)
-            known = resume == size or (
-                resume >= following + 3
-                and (
-                    broken_header(data, following, resume - following, length)
-                    or parted_header(data, following, resume, length)
-                )
+            known = resume > following and (
+                broken_header(data, following, resume - following, length)
+                or parted_header(data, following, resume, length)
             )
+            doubtful = resume if not known and resume > following else 0
             following = following if known else resume
             known_next = not known and resume < size
         elif not known:
@@ -140,11 +153,11 @@ def scan_messages(
         if known:
             counts[kind] += 1
             timed = at if time_bytes[kind] > 0 else timed
-            if wanted[kind]:
-                start[found], kinds[found] = at, kind
-                found += 1
         else:
             corrupt += 1
+        if (known or doubtful) and wanted[kind]:
+            start[found], kinds[found], resumed[found] = at, kind, doubtful
+            found += 1
         at, known = following, known_next
     state[AT], state[CORRUPT], state[LAST_TIMED] = at, corrupt, timed
     return found

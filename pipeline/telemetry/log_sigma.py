@@ -15,8 +15,6 @@ from pipeline.telemetry.flight_log import FlightLog
 
 MOVING_SHARE = 1 / 3
 LEAST_MOVING_M = 0.02
-UNKNOWN_DATUM_M = 30.0
-"""Height above mean sea level taken as height above the ellipsoid: the geoid's own spread over the earth."""
 
 
 def log_sigma(log: FlightLog) -> InstrumentSigma:

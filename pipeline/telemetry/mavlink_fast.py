@@ -5,6 +5,7 @@ Layouts come from pymavlink's own message definitions, so the values are bit for
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -19,16 +20,7 @@ from calibration.arrays import Floats, Ints
 from pipeline.telemetry.flight_log import LogFormat
 from pipeline.telemetry.mapped_file import Bytes, mapped
 from pipeline.telemetry.mavlink_names import WANTED, has_stamps
-from pipeline.telemetry.mavlink_scan import (
-    AT,
-    CORRUPT,
-    CRC_TABLE,
-    IDS,
-    STRANGE,
-    V1,
-    gather_payloads,
-    scan_packets,
-)
+from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, STRANGE, V1, walk_packets
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog, joined
 
 TYPES = {
@@ -36,6 +28,8 @@ TYPES = {
     "int32_t": "<i4", "uint64_t": "<u8", "int64_t": "<i8", "float": "<f4", "double": "<f8",
 }  # fmt: skip
 CHUNK = 1 << 18
+SMALL_BYTES = 1 << 24
+"""Up to here plain Python is through before the compiled loops are loaded, where they are not yet."""
 
 
 def read_mavlink_fast(
@@ -97,25 +91,33 @@ def _scan(
     counts, known = np.zeros(IDS, dtype=np.int64), np.zeros(IDS, dtype=np.bool_)
     state = np.array([0, 0, -1, 0, 0], dtype=np.int64)
     source = np.frombuffer(data, np.uint8)
-    room = np.empty((CHUNK, 5), dtype=np.int64)
     parts: dict[int, list[MessageTable]] = {}
-    while state[AT] < len(data):
-        n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
-        order = np.argsort(room[:n, 2], kind="stable")
-        ids, first = np.unique(room[order, 2], return_index=True)
-        for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if n else [], strict=True):
+
+    def keep(found: Ints) -> None:
+        order = np.argsort(found[:, 2], kind="stable")
+        ids, first = np.unique(found[order, 2], return_index=True)
+        for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if len(found) else [], strict=True):
             message = names[msgid]
             kept = fields.get(message.msgname, tuple(message.fieldnames))
-            parts.setdefault(msgid, []).append(_table(source, message, room[rows], kept))
+            parts.setdefault(msgid, []).append(_table(source, message, found[rows], kept))
         if progress is not None:
             progress(float(state[AT]) / len(data))
+
+    if len(data) <= SMALL_BYTES and "pipeline.telemetry.mavlink_scan" not in sys.modules:
+        keep(walk_packets(data[:], int(stamped), _extra(), listed, counts, known, state))
+    if state[AT] < len(data):
+        from pipeline.telemetry.mavlink_scan import CRC_TABLE, scan_packets  # here, for numba is slow to import
+
+        room = np.empty((CHUNK, 5), dtype=np.int64)
+        while state[AT] < len(data):
+            n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
+            keep(room[:n])
     return parts, counts, state
 
 
 def _table(source: npt.NDArray[np.uint8], message: Any, rows: Ints, kept: tuple[str, ...]) -> MessageTable:
     form = layout(message)
-    payload = np.empty((len(rows), form.itemsize), dtype=np.uint8)
-    gather_payloads(source, rows, payload)
+    payload = _payloads(source, rows, form.itemsize)
     values = payload.view(form)[:, 0]
     sender = rows[:, 0] + np.where(source[rows[:, 0]] == V1, 3, 5)
     return MessageTable(
@@ -126,6 +128,18 @@ def _table(source: npt.NDArray[np.uint8], message: Any, rows: Ints, kept: tuple[
         component=source[sender + 1],
         columns={name: _owned(values[name]) for name in kept},
     )
+
+
+def _payloads(source: npt.NDArray[np.uint8], rows: Ints, many: int) -> npt.NDArray[np.uint8]:
+    """Payloads (n, many) of packets `rows`: cut where longer, zero where shorter (v2 drops zeros)."""
+    first = rows[:, 0] + np.where(source[rows[:, 0]] == V1, 6, 10)
+    have = source[rows[:, 0] + 1]
+    payload = np.zeros((len(rows), many), dtype=np.uint8)
+    for length in np.flatnonzero(np.bincount(have)).tolist():
+        which, kept = np.flatnonzero(have == length), min(length, many)
+        if kept:
+            payload[which, :kept] = np.lib.stride_tricks.sliding_window_view(source, kept)[first[which]]
+    return payload
 
 
 def _record_time(stamp_us: Ints) -> Floats:

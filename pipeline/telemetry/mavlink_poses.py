@@ -315,4 +315,8 @@ def _accuracy(vehicle: _Vehicle) -> Accuracy:
         heading = median_of(np.radians(table.floats("hdg_acc")[fixed][dual] / 1e5), 1.0)
         if np.isfinite([horizontal, vertical]).any():
             return Accuracy(horizontal_m=horizontal, vertical_m=vertical, heading_rad=heading, source=name)
-    return Accuracy()
+    table = vehicle.own("ESTIMATOR_STATUS")
+    if table is None:
+        return Accuracy()
+    horizontal, vertical = (median_of(table.floats(f"pos_{axis}_accuracy"), 100.0) for axis in ("horiz", "vert"))
+    return Accuracy(horizontal_m=horizontal, vertical_m=vertical, source=table.name)

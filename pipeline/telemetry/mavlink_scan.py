@@ -15,12 +15,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.telemetry.compiled import loop
+from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, LAST_US, PLACE, STRANGE, V1, V2
 
-V1, V2, SIGNED = 0xFE, 0xFD, 1
-IDS = 1 << 16
-"""Ids from here on are looked up as unknown: no dialect that pymavlink carries has them."""
+SIGNED = 1
 CLOSE_US = 3 * 86_400 * 1_000_000
-AT, CORRUPT, LAST_US, PLACE, STRANGE = 0, 1, 2, 3, 4
 GOOD, UNKNOWN, BAD = 1, 0, -1
 
 CRC_TABLE = np.zeros(256, dtype=np.uint16)
@@ -190,16 +188,3 @@ def scan_packets(
         at = marker + total
     state[AT], state[CORRUPT], state[LAST_US], state[PLACE] = at, corrupt, last_us, place
     return found
-
-
-@loop
-def gather_payloads(data: Any, rows: Any, out: Any) -> None:
-    """Payloads of packets `rows` into `out` (n, bytes): cut where longer, zero where shorter (v2 drops zeros)."""
-    for i in range(len(rows)):
-        marker = rows[i, 0]
-        first = marker + (6 if data[marker] == V1 else 10)
-        have = min(int(data[marker + 1]), out.shape[1])
-        for j in range(have):
-            out[i, j] = data[first + j]
-        for j in range(have, out.shape[1]):
-            out[i, j] = 0

@@ -9,9 +9,9 @@ import io
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from calibration.arrays import Floats, Ints, frozen, settle
 from calibration.files import read_bytes
@@ -19,6 +19,9 @@ from pipeline.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack
 from pipeline.telemetry.camera_pose import MAX_GAP_S, spans
+
+if TYPE_CHECKING:  # slow to import, and flight logs need no tables
+    import pandas as pd
 
 PLACE = ["east_m", "north_m", "up_m"]
 TURN = ["qw", "qx", "qy", "qz"]
@@ -96,6 +99,8 @@ def is_pose_table(path: Path) -> bool:
 
 
 def _csv(path: Path, raw: bytes) -> pd.DataFrame:
+    import pandas as pd
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
@@ -112,6 +117,8 @@ def _csv(path: Path, raw: bytes) -> pd.DataFrame:
 
 
 def _parquet(path: Path, raw: bytes) -> pd.DataFrame:
+    import pandas as pd
+
     try:
         from pyarrow import parquet
     except ImportError:
@@ -165,6 +172,8 @@ def _rows_of(table: PoseTable, have: Ints, want: Ints, where: str) -> Ints:
 
 
 def _numbers(path: Path, table: pd.DataFrame, name: str) -> Floats:
+    import pandas as pd
+
     value = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
     bad = ~np.isfinite(value)
     if bad.any():

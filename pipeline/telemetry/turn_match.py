@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from calibration.arrays import Bools, Floats, frozen, settle
 
@@ -153,6 +152,8 @@ def _correlation(seen: Floats, known: Bools, log: LogTurning, have: Bools) -> tu
 
 def _banded(rate: Floats, known: Bools) -> Floats:
     """Rates (n, 3) without what is slow and what is too quick to be matched; zero where unknown."""
+    from scipy.ndimage import gaussian_filter1d  # slow to import
+
     value, weight = np.where(known[:, None], rate, 0.0), known.astype(float)[:, None]
 
     def smooth(sigma_s: float) -> Floats:
@@ -284,6 +285,8 @@ def _step(
 
 def _own_slope(seen: Floats, time_s: Floats, middle_s: float) -> Floats:
     """What a step changes (3 n, 2), by the picture's own slope: noise in the log's makes the match look sharper."""
+    from scipy.ndimage import gaussian_filter1d  # slow to import
+
     dt = float(np.median(np.diff(time_s)))
     slope = np.gradient(gaussian_filter1d(seen, SMOOTH_S / dt, axis=0), dt, axis=0)
     return np.stack([slope.T.ravel(), (slope * (time_s - middle_s)[:, None]).T.ravel()], axis=1)

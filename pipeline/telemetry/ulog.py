@@ -254,7 +254,7 @@ def _utc(topics: dict[str, Topic]) -> ClockFit | None:
 
 
 def _accuracy(topics: dict[str, Topic]) -> Accuracy:
-    for name in ("vehicle_global_position", *GPS_TOPICS):
+    for name in ("vehicle_global_position", *GPS_TOPICS, "vehicle_local_position"):
         topic = topics.get(name)
         if topic is not None and "eph" in topic:
             return Accuracy(
@@ -262,4 +262,8 @@ def _accuracy(topics: dict[str, Topic]) -> Accuracy:
                 vertical_m=median_of(_floats(topic, "epv"), 100.0),
                 source=name,
             )
-    return Accuracy()
+    topic = topics.get("estimator_status")
+    if topic is None or "pos_horiz_accuracy" not in topic:
+        return Accuracy()
+    horizontal, vertical = (median_of(_floats(topic, f"pos_{axis}_accuracy"), 100.0) for axis in ("horiz", "vert"))
+    return Accuracy(horizontal_m=horizontal, vertical_m=vertical, source="estimator_status")

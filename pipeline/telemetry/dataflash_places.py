@@ -1,0 +1,93 @@
+"""Places of a DataFlash log's messages: undamaged stretches at once, damaged ones with care."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from calibration.arrays import Ints
+from pipeline.telemetry.compiled import COMPILED
+from pipeline.telemetry.dataflash_chain import chain
+from pipeline.telemetry.dataflash_doubt import is_whole
+from pipeline.telemetry.dataflash_layout import Layout
+from pipeline.telemetry.mapped_file import Bytes
+from pipeline.telemetry.tables import Progress
+
+CAREFUL = 256
+"""Messages that are read with care from a damage on, before the quick way is tried again."""
+NEAR = 16
+"""Neighbours on each side that a doubtful message is compared with."""
+MOST_JUDGED = 20_000
+"""Doubtful messages beyond these are not believed: no file takes longer than a minute to judge."""
+AT, CORRUPT, LAST_TIMED = 0, 1, 2
+
+
+def scan_dataflash(
+    data: Bytes, layouts: Mapping[int, Layout], wanted: tuple[str, ...], progress: Progress
+) -> tuple[dict[int, Ints], Ints, int]:
+    """Places of the wanted messages by kind, counts by kind, and how many stretches were no message."""
+    length, time_bytes, counts = np.zeros((3, 256), dtype=np.int64)
+    listed = np.zeros(256, dtype=np.bool_)
+    for kind, layout in layouts.items():
+        length[kind], time_bytes[kind], listed[kind] = layout.length, layout.time_bytes, layout.name in wanted
+    source = np.frombuffer(data, np.uint8)
+    state = np.array([0, 0, -1], dtype=np.int64)
+    pieces: list[tuple[Ints, npt.NDArray[np.uint8], Ints]] = []
+    while state[AT] + 3 <= len(data):
+        quick = chain(source, int(state[AT]), length)
+        counts += np.bincount(quick.kind, minlength=256)
+        keep = listed[quick.kind]
+        pieces.append((quick.place[keep], quick.kind[keep], np.zeros(int(keep.sum()), dtype=np.int64)))
+        timed = np.flatnonzero(time_bytes[quick.kind[::-1]])[:1]
+        if len(timed):
+            state[LAST_TIMED] = quick.place[-1 - int(timed[0])]
+        state[AT] = quick.stop
+        if quick.damaged:
+            pieces.append(_with_care(data, source, length, time_bytes, listed, counts, state))
+        if progress is not None:
+            progress(float(state[AT]) / len(data))
+    corrupt = int(state[CORRUPT]) + int(0 < len(data) - state[AT] < 3)
+    place, kinds, resumed = (np.concatenate(part) for part in zip(*pieces, strict=True)) if pieces else _nothing()
+    judged = _judged(source, layouts, place, kinds, resumed, counts)
+    place, kinds = place[judged], kinds[judged]
+    return {int(kind): place[kinds == kind] for kind in np.unique(kinds)}, counts, corrupt
+
+
+def _nothing() -> tuple[Ints, npt.NDArray[np.uint8], Ints]:
+    return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8), np.empty(0, dtype=np.int64)
+
+
+def _with_care(
+    data: Bytes, source: npt.NDArray[np.uint8], length: Ints, time_bytes: Ints, listed: npt.NDArray[np.bool_],
+    counts: Ints, state: Ints,
+) -> tuple[Ints, npt.NDArray[np.uint8], Ints]:  # fmt: skip
+    """Places, kinds and where the next message stands behind doubtful ones, of CAREFUL messages; moves `state` on."""
+    from pipeline.telemetry.dataflash_scan import scan_messages  # here, for numba is slow to import
+
+    start, resumed = np.empty((2, CAREFUL), dtype=np.int64)
+    kinds = np.empty(CAREFUL, dtype=np.uint8)
+    bytes_of = source if COMPILED else data
+    n = scan_messages(bytes_of, len(data), length, time_bytes, listed, counts, start, kinds, resumed, state)
+    return start[:n], kinds[:n], resumed[:n]
+
+
+def _judged(
+    source: npt.NDArray[np.uint8], layouts: Mapping[int, Layout], place: Ints, kinds: npt.NDArray[np.uint8],
+    resumed: Ints, counts: Ints,
+) -> npt.NDArray[np.bool_]:  # fmt: skip
+    """True (n,) for messages to believe; doubtful ones among them are counted."""
+    believed = resumed == 0
+    doubtful = np.flatnonzero(~believed)[:MOST_JUDGED]
+    of_kind = {int(k): np.flatnonzero(believed & (kinds == k)) for k in np.unique(kinds[doubtful])}
+    for i in doubtful.tolist():
+        layout, same = layouts[int(kinds[i])], of_kind[int(kinds[i])]
+        middle = int(np.searchsorted(same, i))
+        near = place[same[max(0, middle - NEAR) : middle + NEAR]]
+        windows = np.lib.stride_tricks.sliding_window_view(source, layout.length)[near]
+        around = windows.view(layout.dtype)[:, 0]
+        at, resume = int(place[i]), int(resumed[i])
+        believed[i] = is_whole(source, at, resume, layout, around)
+        counts[kinds[i]] += believed[i]
+    return np.asarray(believed)
