@@ -289,9 +289,9 @@ def _is_placed(frames: Frames, at: At) -> bool:
 
 
 def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:
-    """Shifts of the residuals (F, N, 2) and what a pixel of place error is worth (F, N); no frames without places.
+    """Shifts of the residuals (F, N, 2) and what a pixel of place error is worth (F, N); no frames without place errors.
 
-    Metric residuals know no place errors: their columns are then zero.
+    Metric residuals are not shifted.
     """
     n = len(frames.targets)
     if not _is_placed(frames, at):
