@@ -289,7 +289,7 @@ def _is_placed(frames: Frames, at: At) -> bool:
 
 
 def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:
-    """Shifts of the residuals (F, N, 2) and what a pixel of place error is worth (F, N); no frames where there are none.
+    """Shifts of the residuals (F, N, 2) and the worth of a pixel of place error (F, N); no frames where there are none.
 
     Metric residuals are not shifted.
     """
