@@ -40,14 +40,10 @@ def is_dense(model: Model) -> bool:
     return bool(_kernels.AVAILABLE and one_span and held)
 
 
-def _is_placed(model: Model) -> bool:
-    return bool(model.priors.camera_mean.shape[1] > CAMERA_PARAMETERS and model.frames.angular)
-
-
 def _scene(model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Loss) -> tuple[Any, ...]:
     """What is seen, when and how well, as the compiled code wants it."""
     frames = model.frames
-    placed = _is_placed(model) and angular
+    placed = angular and model.priors.camera_mean.shape[1] > CAMERA_PARAMETERS
     per_s = share_per_second(frames) if placed else np.zeros(len(frames.cameras))
     begin, low, high = shortened(frames.first), float(model.basis.grid_s[0]), float(model.basis.grid_s[1])
     return (

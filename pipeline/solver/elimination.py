@@ -239,7 +239,7 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
     if not _kernels.AVAILABLE:
         return block_normals_plain(frames, pose, loss, at, blocks)
     compiled: Callable[..., Any] = _kernels.block_normals
-    per_frame = kept_per_frame(len(frames.targets), frames.pose_rate is not None, _is_placed(frames, at))
+    per_frame = _kept_per_frame(len(frames.targets), frames.pose_rate is not None, at.placed)
     keep = pose.free and frames.count * per_frame <= KEPT_NUMBERS
     kept = np.empty((frames.count if keep else 0, per_frame))
     given, where = _kernel_arguments(frames, pose, loss, at, blocks)
@@ -247,7 +247,7 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
 
 
-def kept_per_frame(targets: int, rated: bool, placed: bool) -> int:
+def _kept_per_frame(targets: int, rated: bool, placed: bool) -> int:
     """Numbers that `block_normals` keeps of every frame: see `_kernels.block_normals`."""
     return 6 * (3 * targets + (5 if rated else 4) + (2 * targets if placed else 0)) + 27
 
@@ -258,7 +258,7 @@ def frame_steps(
     """du (F, 6) that belongs to the local step (B, L); quicker from what `block_normals` `kept` at the same point."""
     if not pose.free:
         return np.zeros((frames.count, 6))
-    placed = _is_placed(frames, at)
+    placed = at.placed
     if not _kernels.AVAILABLE or (placed and kept is None):
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
     if kept is not None:
@@ -284,17 +284,13 @@ def _kernel_arguments(
     return given, (blocks.begin, blocks.camera, blocks.u, blocks.half_s)
 
 
-def _is_placed(frames: Frames, at: At) -> bool:
-    return at.placed and frames.count > 0
-
-
 def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:
     """Shifts of the residuals (F, N, 2) and the worth of a pixel of place error (F, N); no frames where there are none.
 
     Metric residuals are not shifted.
     """
     n = len(frames.targets)
-    if not _is_placed(frames, at):
+    if not at.placed:
         return np.zeros((0, n, 2)), np.zeros((0, n))
     if not frames.angular:
         return np.zeros((frames.count, n, 2)), frames.place_gain
