@@ -23,14 +23,16 @@ from calibration.views import BoardView
 
 USUAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 COARSE = (
+    (640, cv2.CALIB_CB_PLAIN),
     (640, cv2.CALIB_CB_NORMALIZE_IMAGE),
     (640, cv2.CALIB_CB_ADAPTIVE_THRESH),
     (640, USUAL),
     (1280, USUAL),
 )
-"""Longer sides of the reduced images that are searched in turn, and how: one threshold for the whole image takes 0.6
-of the time of adaptive ones and finds boards that are evenly lit."""
+"""Longer sides of the reduced images that are searched in turn, and how: one threshold for the whole image (Otsu's, then
+the one OpenCV derives) takes a third to a half of the time of adaptive ones and finds boards that are evenly lit."""
 
+STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.1)
 SECTOR_PX = 1280
 MIN_SEEN = 0.7
 OFF_PX = 0.7
@@ -91,7 +93,7 @@ def coarse_grids(gray: cv2.typing.MatLike, board: Board) -> Iterator[tuple[Float
         if (factor, flags) in tried:
             continue
         tried.add((factor, flags))
-        found, corners = cv2.findChessboardCorners(small, size, flags=flags)
+        found, corners = _searched(small, size, flags)
         if found:
             any_found = True
             yield _full_size(corners, factor, board), factor
@@ -115,6 +117,19 @@ def reduced(gray: cv2.typing.MatLike, longest: int) -> tuple[cv2.typing.MatLike,
     height, width = gray.shape[0] // factor, gray.shape[1] // factor
     part = gray[: height * factor, : width * factor]
     return cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), factor
+
+
+def _searched(gray: cv2.typing.MatLike, size: tuple[int, int], flags: int) -> tuple[bool, cv2.typing.MatLike]:
+    """`findChessboardCorners`; where that shall take the image as it is (PLAIN), it gets it in black and white.
+
+    Split by Otsu's threshold, the white a pixel wider so that dark squares no longer touch; its corners, which then are
+    those of contours (off by up to 2.5 px), are moved to the corners of the image.
+    """
+    if flags != cv2.CALIB_CB_PLAIN:
+        return cv2.findChessboardCorners(gray, size, flags=flags)
+    split = cv2.dilate(cv2.threshold(gray, 0, 255, cv2.THRESH_OTSU)[1], None)  # type: ignore[call-overload]
+    found, corners = cv2.findChessboardCorners(split, size, flags=flags)
+    return found, cv2.cornerSubPix(gray, corners, (3, 3), (-1, -1), STOP) if found else corners
 
 
 def looks_like(photos: Iterable[cv2.typing.MatLike]) -> tuple[tuple[int, int], int, int] | None:
