@@ -29,8 +29,11 @@ COARSE = (
     (640, USUAL),
     (1280, USUAL),
 )
-"""Longer sides of the reduced images that are searched in turn, and how: one threshold for the whole image (Otsu's,
-then the one OpenCV derives) takes a third to a half of the time of adaptive ones and finds boards that are evenly lit."""
+"""Longer sides of the reduced images that are searched in turn, and how.
+
+One threshold for the whole image (Otsu's, then the one OpenCV derives) takes a third to a half of the time of adaptive
+ones and finds boards that are evenly lit.
+"""
 
 STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.1)
 SECTOR_PX = 1280
