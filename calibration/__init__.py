@@ -11,16 +11,22 @@ Conventions, the same everywhere in the project:
 This package never imports `pipeline`.
 """
 
-from calibration.board import Board
-from calibration.board_print import board_pdf, board_svg
-from calibration.camera import CameraModel
-from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
-from calibration.from_files import calibrate_files
-from calibration.pictures import pictures
-from calibration.report import calibration_page
-from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView
-from calibration.solve import calibrate
-from calibration.views import BoardView
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibration.board import Board
+    from calibration.board_print import board_pdf, board_svg
+    from calibration.camera import CameraModel
+    from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
+    from calibration.from_files import calibrate_files
+    from calibration.pictures import pictures
+    from calibration.report import calibration_page
+    from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView
+    from calibration.solve import calibrate
+    from calibration.views import BoardView
 
 __all__ = [
     "FORMATS",
@@ -41,3 +47,30 @@ __all__ = [
     "read_camera",
     "write_camera",
 ]
+
+_HOME = {
+    "Board": "board",
+    "BoardView": "views",
+    "CalibratedView": "result",
+    "Calibration": "result",
+    "CameraModel": "camera",
+    "DirectionSigma": "result",
+    "FORMATS": "camera_files",
+    "RejectedView": "result",
+    "board_pdf": "board_print",
+    "board_svg": "board_print",
+    "calibrate": "solve",
+    "calibrate_files": "from_files",
+    "calibration_page": "report",
+    "camera_json": "camera_files",
+    "pictures": "pictures",
+    "read_camera": "camera_files",
+    "write_camera": "camera_files",
+}
+"""The module of each name: loaded when it is first asked for, as OpenCV and its kin take a fifth of a second."""
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"calibration.{_HOME[name]}"), name)

@@ -107,12 +107,14 @@ def skew(v: Floats) -> Floats:
 
 def ned_from_frd(yaw_rad: Floats, pitch_rad: Floats, roll_rad: Floats) -> Floats:
     """Attitude (..., 4) of an FRD body, intrinsic Z-Y-X: yaw from north clockwise, pitch up, roll right wing down."""
-    yaw, pitch, roll = np.broadcast_arrays(*(np.asarray(a, float) for a in (yaw_rad, pitch_rad, roll_rad)))
-    zero = np.zeros_like(yaw)
-    heading, elevation, bank = (
-        exp(np.stack(axis, axis=-1)) for axis in ((zero, zero, yaw), (zero, pitch, zero), (roll, zero, zero))
-    )
-    return multiply(multiply(heading, elevation), bank)
+    halves = [0.5 * np.asarray(angle, float) for angle in (yaw_rad, pitch_rad, roll_rad)]
+    (cy, cp, cr), (sy, sp, sr) = ([f(half) for half in halves] for f in (np.cos, np.sin))
+    q = np.empty((*np.broadcast_shapes(*(half.shape for half in halves)), 4))
+    q[..., 0] = cy * cp * cr + sy * sp * sr
+    q[..., 1] = cy * cp * sr - sy * sp * cr
+    q[..., 2] = cy * sp * cr + sy * cp * sr
+    q[..., 3] = sy * cp * cr - cy * sp * sr
+    return q
 
 
 def yaw_pitch_roll(ned_from_frd_q: Floats) -> Floats:

@@ -21,7 +21,7 @@ from pipeline.telemetry.flight_log import LogFormat
 from pipeline.telemetry.mapped_file import Bytes, mapped
 from pipeline.telemetry.mavlink_names import WANTED, has_stamps
 from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, STRANGE, V1, walk_packets
-from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog, joined
+from pipeline.telemetry.tables import Column, Growing, MessageTable, Progress, RawLog
 
 TYPES = {
     "char": "S1", "uint8_t": "u1", "int8_t": "i1", "uint16_t": "<u2", "int16_t": "<i2", "uint32_t": "<u4",
@@ -29,7 +29,9 @@ TYPES = {
 }  # fmt: skip
 CHUNK = 1 << 18
 SMALL_BYTES = 1 << 24
-"""Up to here plain Python is through before the compiled loops are loaded, where they are not yet."""
+"""Up to here plain numpy is through before the compiled loops are loaded, where they are not yet."""
+_walked_bytes = 0
+"""By plain numpy so far: a process that reads one log after the other soon gets the compiled loops."""
 
 
 def read_mavlink_fast(
@@ -46,16 +48,13 @@ def read_mavlink_fast(
     """
     data = mapped(path, expected="a MAVLink log")
     stamped = has_stamps(data, path)
-    parts, counts, state = _scan(data, stamped, wanted, fields, progress)
+    found, counts, state = _scan(data, stamped, wanted, fields, progress)
     kind: LogFormat = "tlog" if stamped else "mavlink"
     names = ardupilotmega.mavlink_map
-    tables = {}
-    for msgid in sorted(parts):
-        tables[names[msgid].msgname] = joined(parts.pop(msgid))
     return RawLog(
         path=path,
         format=kind,
-        tables=tables,
+        tables={names[msgid].msgname: found[msgid].whole() for msgid in sorted(found)},
         counts={names[int(i)].msgname: int(counts[i]) for i in np.flatnonzero(counts)},
         corrupt_packets=int(state[CORRUPT]),
         notes=(f"{state[STRANGE]} packets have ids that no known dialect defines",) if state[STRANGE] else (),
@@ -83,27 +82,34 @@ def _extra() -> Ints:
 
 def _scan(
     data: Bytes, stamped: bool, wanted: tuple[str, ...], fields: Mapping[str, tuple[str, ...]], progress: Progress
-) -> tuple[dict[int, list[MessageTable]], Ints, Ints]:
-    """Pieces of each wanted id's table, counts by id, and the final state of `scan_packets`."""
+) -> tuple[dict[int, Growing], Ints, Ints]:
+    """Each wanted id's table, counts by id, and the final state of `scan_packets`."""
     names = ardupilotmega.mavlink_map
     listed = np.zeros(IDS, dtype=np.bool_)
     listed[[msgid for msgid, message in names.items() if message.msgname in wanted]] = True
     counts, known = np.zeros(IDS, dtype=np.int64), np.zeros(IDS, dtype=np.bool_)
     state = np.array([0, 0, -1, 0, 0], dtype=np.int64)
     source = np.frombuffer(data, np.uint8)
-    parts: dict[int, list[MessageTable]] = {}
+    tables: dict[int, Growing] = {}
 
     def keep(found: Ints) -> None:
-        order = np.argsort(found[:, 2], kind="stable")
+        share = float(state[AT]) / len(data)
+        order = np.argsort(found[:, 2].astype(np.uint16), kind="stable")  # of 16 bits: by their digits
         ids, first = np.unique(found[order, 2], return_index=True)
         for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if len(found) else [], strict=True):
             message = names[msgid]
             kept = fields.get(message.msgname, tuple(message.fieldnames))
-            parts.setdefault(msgid, []).append(_table(source, message, found[rows], kept))
+            piece = _table(source, message, found[rows], kept)
+            if msgid in tables:
+                tables[msgid].add(piece, share)
+            else:
+                tables[msgid] = Growing(piece)
         if progress is not None:
-            progress(float(state[AT]) / len(data))
+            progress(share)
 
-    if len(data) <= SMALL_BYTES and "pipeline.telemetry.mavlink_scan" not in sys.modules:
+    global _walked_bytes
+    if _walked_bytes + len(data) <= SMALL_BYTES and "pipeline.telemetry.mavlink_scan" not in sys.modules:
+        _walked_bytes += len(data)
         keep(walk_packets(data[:], int(stamped), _extra(), listed, counts, known, state))
     if state[AT] < len(data):
         from pipeline.telemetry.mavlink_scan import CRC_TABLE, scan_packets  # here, for numba is slow to import
@@ -112,7 +118,7 @@ def _scan(
         while state[AT] < len(data):
             n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
             keep(room[:n])
-    return parts, counts, state
+    return tables, counts, state
 
 
 def _table(source: npt.NDArray[np.uint8], message: Any, rows: Ints, kept: tuple[str, ...]) -> MessageTable:

@@ -121,21 +121,24 @@ def _votes(raw: RawLog) -> dict[tuple[int, int], tuple[int, int, int]]:
                 continue
             if name == "HEARTBEAT":
                 table = table.only(np.asarray(table.floats("autopilot") != NO_AUTOPILOT))
-            who, many = np.unique(np.stack([table.system, table.component], axis=1), axis=0, return_counts=True)
-            for (s, c), n in zip(who.tolist(), many.tolist(), strict=True):
-                votes.setdefault((s, c), [0, 0, 0])[slot] += n
+            many = np.bincount(table.system.astype(np.int64) << 8 | table.component)
+            for who in np.flatnonzero(many).tolist():
+                votes.setdefault((who >> 8, who & 255), [0, 0, 0])[slot] += int(many[who])
     return {who: (n[0], n[1], n[2]) for who, n in votes.items()}
 
 
 def _clock(raw: RawLog, chosen: tuple[int, int]) -> BootClock:
-    found = []
-    for name in BOOT_MESSAGES:
-        table = raw.table(name, lambda t: (t.system == chosen[0]) & (t.component == chosen[1]))
-        if table is not None:
-            found.append(np.stack([table.place, table.floats("time_boot_ms") / 1000, table.record_time_s], axis=1))
-    rows = np.concatenate(found) if found else np.empty((0, 3))
-    rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    return boot_clock(rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2])
+    asked = (raw.table(name, lambda t: (t.system == chosen[0]) & (t.component == chosen[1])) for name in BOOT_MESSAGES)
+    found = [table for table in asked if table is not None]
+    if not found:
+        return boot_clock(np.empty(0, np.int64), np.empty(0), np.empty(0))
+    place = np.concatenate([table.place for table in found])
+    order = np.argsort(place, kind="stable")
+    boot_s, record_s = (
+        np.concatenate(columns)[order]
+        for columns in ([t.floats("time_boot_ms") / 1000 for t in found], [t.record_time_s for t in found])
+    )
+    return boot_clock(place[order], boot_s, record_s)
 
 
 def _clock_notes(clock: BootClock) -> list[str]:
@@ -263,13 +266,13 @@ def _gimbal(vehicle: _Vehicle, body: AttitudeSeries | None) -> tuple[GimbalSerie
 
 def _one_gimbal(table: MessageTable) -> tuple[MessageTable, list[str]]:
     """The messages of the gimbal that speaks most."""
-    which = np.stack([table.component, np.nan_to_num(table.floats("gimbal_device_id"))], axis=1)
-    kinds, index, many = np.unique(which, axis=0, return_inverse=True, return_counts=True)
-    if len(kinds) == 1:
+    which = table.component.astype(np.int64) << 8 | np.nan_to_num(table.floats("gimbal_device_id")).astype(np.int64)
+    many = np.bincount(which)
+    best, kinds = int(many.argmax()), np.count_nonzero(many)
+    if kinds == 1:
         return table, []
-    best = int(many.argmax())
-    said = f"{len(kinds)} gimbals speak; component {int(kinds[best, 0])}, device {int(kinds[best, 1])} is used"
-    return table.only(np.asarray(index.ravel() == best)), [said]
+    said = f"{kinds} gimbals speak; component {best >> 8}, device {best & 255} is used"
+    return table.only(which == best), [said]
 
 
 def _mount_orientation(table: MessageTable) -> tuple[Floats, Ints]:

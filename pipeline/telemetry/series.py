@@ -21,7 +21,7 @@ def position_series(
     velocity_ned_mps: Floats,
 ) -> PositionSeries:
     """Positions (n,) of any order in time order; a place that cannot be becomes NaN."""
-    order = np.argsort(time_s, kind="stable")
+    order = _order(time_s)
     bad = ~((np.abs(lat_deg) <= 90) & (np.abs(lon_deg) <= 360))
     return PositionSeries(
         source=source,
@@ -37,13 +37,13 @@ def position_series(
 
 def attitude_series(*, source: str, time_s: Floats, ned_from_body: Floats) -> AttitudeSeries:
     """Attitudes (n, 4) of any order in time order, at unit length; NaN where the length is far from one."""
-    order = np.argsort(time_s, kind="stable")
+    order = _order(time_s)
     return AttitudeSeries(source=source, time_s=time_s[order], ned_from_body=_unit(ned_from_body)[order])
 
 
 def gimbal_series(*, source: str, time_s: Floats, attitude: Floats, frame: Ints) -> GimbalSeries:
     """Mount attitudes (n, 4) of any order in time order."""
-    order = np.argsort(time_s, kind="stable")
+    order = _order(time_s)
     return GimbalSeries(source=source, time_s=time_s[order], attitude=_unit(attitude)[order], frame=frame[order])
 
 
@@ -58,6 +58,11 @@ def median_of(value: Floats, most: float) -> float:
     """Median of the values that say something (above 0, at most `most`); NaN where none does."""
     said = value[(value > 0) & (value <= most)]
     return float(np.median(said)) if len(said) else float("nan")
+
+
+def _order(time_s: Floats) -> Ints | slice:
+    """What brings times (n,) into order, NaN last; nothing has to be moved in most logs."""
+    return slice(None) if np.all(time_s[1:] >= time_s[:-1]) else np.argsort(time_s, kind="stable")
 
 
 def _unit(q: Floats) -> Floats:

@@ -61,19 +61,44 @@ class MessageTable:
         )
 
 
-def joined(pieces: list[MessageTable]) -> MessageTable:
-    """Pieces of one table as one; the list is emptied, so that both are never whole at once."""
-    first = pieces[0]
-    if len(pieces) == 1:
-        return pieces.pop()
-    columns = [dict(piece.columns) for piece in pieces]
-    whole = {name: np.concatenate([one.pop(name) for one in columns]) for name in first.columns}
-    parts = {
-        name: np.concatenate([getattr(piece, name) for piece in pieces])
-        for name in ("place", "record_time_s", "system", "component")
-    }
-    pieces.clear()
-    return MessageTable(name=first.name, columns=whole, **parts)
+class Growing:
+    """One table out of pieces that come in the order of the file, with room for what is expected to come.
+
+    Its arrays grow in place: pieces kept till the end, then joined, would take twice the memory.
+    """
+
+    def __init__(self, first: MessageTable) -> None:
+        self._name, self._fields, self._rows = first.name, tuple(first.columns), len(first)
+        self._arrays = [array if array.flags.owndata else array.copy() for array in _arrays(first)]
+
+    def add(self, piece: MessageTable, share: float) -> None:
+        """Appends `piece`, at the end of which the `share` of the file is read."""
+        begin, self._rows = self._rows, self._rows + len(piece)
+        room = len(self._arrays[0])
+        if self._rows > room:
+            room = max(self._rows, int(1.02 * self._rows / share))
+        for array, part in zip(self._arrays, _arrays(piece), strict=True):
+            _give_room(array, room)
+            array[begin : self._rows] = part
+
+    def whole(self) -> MessageTable:
+        """The table; nothing can be added any more."""
+        for array in self._arrays:
+            _give_room(array, self._rows)
+        place, record_time_s, system, component, *columns = self._arrays
+        return MessageTable(
+            name=self._name, place=place, record_time_s=record_time_s, system=system, component=component,
+            columns=dict(zip(self._fields, columns, strict=True)),
+        )  # fmt: skip
+
+
+def _arrays(table: MessageTable) -> list[Column]:
+    return [table.place, table.record_time_s, table.system, table.component, *table.columns.values()]
+
+
+def _give_room(array: Column, rows: int) -> None:
+    if len(array) != rows:
+        array.resize((rows, *array.shape[1:]), refcheck=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
