@@ -16,7 +16,7 @@ from calibration.files import read_bytes
 from pipeline.errors import InputFileError
 from pipeline.telemetry.dataflash_layout import CHUNK, DIVISOR, Layout, layouts_of
 from pipeline.telemetry.dataflash_places import scan_dataflash
-from pipeline.telemetry.mapped_file import Bytes, mapped
+from pipeline.telemetry.mapped_file import Bytes, mapped, taken
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
 
 WANTED = (
@@ -54,8 +54,7 @@ def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Pr
 
 
 def _gather(data: Bytes, layout: Layout, start: Ints) -> MessageTable:
-    rows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), layout.length)[start]
-    message = rows.view(layout.dtype)[:, 0]
+    message = taken(np.frombuffer(data, np.uint8), start, layout.length).view(layout.dtype)
     return _table(layout.name, start, {f: _scaled(message[f], c) for f, c in layout.members})
 
 

@@ -63,8 +63,10 @@ def chain(data: npt.NDArray[np.uint8], at: int, length: Ints) -> Chain:
 def _heads(data: npt.NDArray[np.uint8], at: int, length: Ints) -> tuple[Ints, npt.NDArray[np.uint8]]:
     """Places from `at` on where a whole message of a known kind can start, and the kinds."""
     part = data[at : at + STRETCH + 2]
-    place = np.flatnonzero(part[:-2] == HEAD_1) if len(part) > 2 else np.empty(0, dtype=np.int64)
-    place = place[part[place + 1] == HEAD_2]
+    words = [part[i : i + (len(part) - i) // 2 * 2].view("<u2") for i in (0, 1)]
+    place = np.concatenate([2 * np.flatnonzero(words[i] == (HEAD_2 << 8 | HEAD_1)) + i for i in (0, 1)])
+    place.sort(kind="stable")  # two rising halves
+    place = place[place < len(part) - 2]
     kind = part[place + 2]
     place = place + at
     fits = (length[kind] > 0) & (place + length[kind] <= len(data))

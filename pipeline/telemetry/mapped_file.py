@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import mmap
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from calibration.arrays import Ints
 from pipeline.errors import InputFileError
 
 Bytes = mmap.mmap | bytes
@@ -25,3 +30,9 @@ def mapped(path: Path, *, expected: str) -> Bytes:
     except OSError as error:
         seen, advice = f"cannot be read ({error.strerror})", "check that it is a file and its permissions"
     raise InputFileError(where=str(path), seen=seen, expected=expected, advice=advice)
+
+
+def taken(source: npt.NDArray[np.uint8], place: Ints, length: int) -> npt.NDArray[Any]:
+    """The `length` bytes (n,) that begin at each `place` (n,), each as one item, to be viewed as what it means."""
+    windows = np.ndarray((len(source) - length + 1,), f"V{length}", source, strides=(1,))  # whole items copy faster
+    return np.asarray(windows[place])

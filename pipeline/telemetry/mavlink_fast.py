@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from calibration.arrays import Floats, Ints
 from pipeline.telemetry.flight_log import LogFormat
-from pipeline.telemetry.mapped_file import Bytes, mapped
+from pipeline.telemetry.mapped_file import Bytes, mapped, taken
 from pipeline.telemetry.mavlink_names import WANTED, has_stamps
 from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, STRANGE, V1, walk_packets
 from pipeline.telemetry.tables import Column, Growing, MessageTable, Progress, RawLog
@@ -144,7 +144,7 @@ def _payloads(source: npt.NDArray[np.uint8], rows: Ints, many: int) -> npt.NDArr
     for length in np.flatnonzero(np.bincount(have)).tolist():
         which, kept = np.flatnonzero(have == length), min(length, many)
         if kept:
-            payload[which, :kept] = np.lib.stride_tricks.sliding_window_view(source, kept)[first[which]]
+            payload[which, :kept] = taken(source, first[which], kept).view(np.uint8).reshape(-1, kept)
     return payload
 
 
