@@ -36,6 +36,8 @@ from pipeline.telemetry.tables import Progress
 GPS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 PX4_EARTH_RADIUS_M = 6371000.0
 UTC_FLOOR_S = 0.2
+ROUNDS = 8
+"""pyulog reads a whole log once, in pieces of three bytes and more."""
 Topic = dict[str, Any]
 
 
@@ -64,6 +66,22 @@ def read_ulog(path: Path, *, progress: Progress = None) -> FlightLog:
     )
 
 
+class _Onwards(io.BufferedReader):
+    """A file that is read through once or a few times, not for ever: a wrong length sends pyulog back in circles."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._left = 1000 + ROUNDS * path.stat().st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of any file; raises ValueError where more was asked for than the file holds ROUNDS times."""
+        found = super().read(size)
+        self._left -= 1 + len(found)
+        if self._left < 0:
+            raise ValueError("a wrong length leads back to where it was read before")
+        return found
+
+
 def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list[str]]:
     """First instance of each topic, messages per topic, dropouts, and what pyulog complains of."""
     try:
@@ -77,7 +95,7 @@ def _load(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list[str]]
         ) from None
     said = io.StringIO()
     try:
-        with path.open("rb") as file, redirect_stdout(said):  # pyulog prints; standard output is for results
+        with _Onwards(path) as file, redirect_stdout(said):  # pyulog prints; standard output is for results
             log = pyulog.ULog(file)
     except Exception as error:  # whatever pyulog trips over in a broken file
         raise InputFileError(
