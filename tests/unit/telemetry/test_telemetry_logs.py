@@ -375,9 +375,9 @@ def test_files_that_are_no_logs(tmp_path):
         read_log_of(tmp_path / "a.xyz", b"hello")
     with pytest.raises(InputFileError, match="cannot be read as a PX4 log"):
         read_log_of(tmp_path / "a.ulg", b"ULog" + b"\xff" * 200)
-    with pytest.raises(InputFileError, match="leads back to where it was read"):  # pyulog alone goes in circles here
-        words = struct.pack("<HB6s", 6, ord("I"), b"\x01a1234") * 3000
-        circle = struct.pack("<HB5x", 12000, 1)  # longer than what is left
+    words = struct.pack("<HB6s", 6, ord("I"), b"\x01a1234") * 3000
+    circle = struct.pack("<HB5x", 12000, 1)  # longer than what is left: pyulog alone never ends
+    with pytest.raises(InputFileError, match="leads back to where it was read"):
         read_log_of(tmp_path / "b.ulg", b"ULog\x01\x12\x35\x01" + bytes(8) + words + circle)
     with pytest.raises(InputFileError, match="no position, attitude or heartbeat"):
         read_log_of(tmp_path / "noise.tlog", struct.pack(">Q", 5) + b"\xfe" * 5000)
