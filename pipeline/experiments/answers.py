@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.experiments.declare import Approach
-from pipeline.experiments.li_rounds import alternated, solve_li
+from pipeline.experiments.li_rounds import alternated, plainly, solve_li
 from pipeline.records import Motion, Problem, Solution, SolveStatus
 from pipeline.solver import dense, solve
 from pipeline.solver import map as statistical
@@ -54,8 +54,9 @@ class Answer:
 
 def whole(problem: Problem, approach: Approach, target: int) -> Answer:
     """The answer of the whole call. Raises GeometryError where the sightings do not determine one."""
-    call = solve_li if approach.settings.method == "li" else solve
-    return answer_of(call(problem, approach.settings), problem, target)
+    if approach.settings.method == "li":
+        return answer_of(solve_li(problem, approach.settings, plain=approach.plain), problem, target)
+    return answer_of(solve(problem, approach.settings), problem, target)
 
 
 def answer_of(found: Solution, problem: Problem, target: int) -> Answer:
@@ -97,7 +98,7 @@ def optimum(problem: Problem, frames: Frames, approach: Approach) -> tuple[Outco
     """Where the method ends, with its plain covariance, and the seconds that the solve took."""
     settings = approach.settings
     if settings.method == "li":
-        return alternated(problem, settings, frames)
+        return (plainly if approach.plain else alternated)(problem, settings, frames)
     starts = candidates(problem, settings)
     dense.warm()
     began = time.perf_counter()

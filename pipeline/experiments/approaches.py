@@ -11,6 +11,10 @@ LI_ROUNDS = 8
 MULTI_TI = Approach(name="Multi-TI", settings=SolverSettings(method="intersection"))
 LI = Approach(name="Li", settings=SolverSettings(method="li", max_iterations=LI_ROUNDS))
 LI_TO_THE_END = Approach(name="Li, to the end", settings=SolverSettings(method="li", max_iterations=500))
+PLAIN_LI = Approach(name="Li, plain", settings=SolverSettings(method="li", max_iterations=LI_ROUNDS), plain=True)
+PLAIN_LI_TO_THE_END = Approach(
+    name="Li, plain, to the end", settings=SolverSettings(method="li", max_iterations=500), plain=True
+)
 ALGORITHM_1 = Approach(name="Algorithm 1", settings=SolverSettings(method="algorithm-1"))
 ALGORITHM_2 = Approach(name="Algorithm 2", settings=SolverSettings(method="algorithm-2"))
 TRIANGULATION = Approach(name="triangulation", settings=SolverSettings(method="triangulation"))

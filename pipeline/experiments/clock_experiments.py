@@ -5,7 +5,16 @@ from __future__ import annotations
 from functools import partial
 
 from pipeline.experiments import noises
-from pipeline.experiments.approaches import ABOUT_LI, ALGORITHM_1, LI, LI_TO_THE_END, MAP, MULTI_TI
+from pipeline.experiments.approaches import (
+    ABOUT_LI,
+    ALGORITHM_1,
+    LI,
+    LI_TO_THE_END,
+    MAP,
+    MULTI_TI,
+    PLAIN_LI,
+    PLAIN_LI_TO_THE_END,
+)
 from pipeline.experiments.declare import Cell, Curve, Experiment, Grid, Path3D
 from pipeline.experiments.scenes import PAPER_ARCS, paper_flight
 
@@ -92,7 +101,9 @@ def frame_rate() -> Experiment:
 
 def speed() -> Experiment:
     """Table 1."""
-    published = ({"Li": 0.0543, "Algorithm 1": 0.0128}, {"Li": 0.0771, "Algorithm 1": 0.0186})
+    published = tuple(
+        {"Li, plain": li, "Li": li, "Algorithm 1": ours} for li, ours in ((0.0543, 0.0128), (0.0771, 0.0186))
+    )
     cells = tuple(
         Cell(
             values={"order": order}, scene=partial(paper_flight, order=order, arcs=PAPER_ARCS), noise=noises.HIGH,
@@ -104,14 +115,17 @@ def speed() -> Experiment:
         name="speed",
         title="How long it takes",
         paper="Table 1",
-        about="Mean seconds of one solve, from the packed sightings to the optimum.",
+        about="Mean seconds of one solve, from the packed sightings to the optimum, each approach through all flights "
+        "with nothing else in between.",
         geometry=PAPER_ARCS.words(),
         cells=cells,
-        approaches=(LI, LI_TO_THE_END, ALGORITHM_1, MAP),
+        approaches=(PLAIN_LI, PLAIN_LI_TO_THE_END, LI, LI_TO_THE_END, ALGORITHM_1, MAP),
         drawings=(
             Grid(caption="Seconds of the numerical solve", measure="solver_seconds"),
-            Grid(caption="Times quicker than Li", measure="quicker_than_li"),
-            Grid(caption="Times quicker than Li run until nothing moves", measure="quicker_than_li_to_the_end"),
+            Grid(caption="Times quicker than plain Li run to the end", measure="quicker_than_plain_to_the_end"),
+            Grid(caption="Times quicker than plain Li of 8 rounds", measure="quicker_than_plain"),
+            Grid(caption="Times quicker than Li run to the end", measure="quicker_than_li_to_the_end"),
+            Grid(caption="Times quicker than Li of 8 rounds", measure="quicker_than_li"),
             Grid(caption="Seconds of the whole call, uncertainty and record included", measure="seconds"),
             Grid(caption="Iterations (rounds of Li)", measure="iterations"),
         ),
@@ -119,6 +133,8 @@ def speed() -> Experiment:
         remarks=(
             "The paper timed an Intel i9-12900H; ours are the seconds of the machine that made this page, so the "
             "ratios between rows compare, not the seconds. Run it with --jobs 1 on an idle machine.",
+            '"Li, plain" is the iteration as one writes it with NumPy and SciPy: a dense least squares for the motion, '
+            'MINPACK for every offset. "Li" shares the compiled elimination and descent of our solver.',
             ABOUT_LI,
         ),
     )

@@ -26,12 +26,14 @@ class Approach:
     settings  of the solver; for "li" `max_iterations` is the most rounds
     ours      whether it is this project's, not the paper's
     told      what the solver is told of the instruments, from the noise there truly is; None: the truth
+    plain     Li alone: by NumPy and SciPy (`li_plain`), not by this project's solver
     """
 
     name: str
     settings: SolverSettings
     ours: bool = False
     told: Told | None = None
+    plain: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

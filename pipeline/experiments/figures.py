@@ -117,6 +117,8 @@ FIGURES: dict[str, Callable[[Outcome, Entry], Figure]] = {
     "iterations": _iterations,
     "seconds": _seconds,
     "solver_seconds": _solver_seconds,
+    "quicker_than_plain": _quicker_than("Li, plain"),
+    "quicker_than_plain_to_the_end": _quicker_than("Li, plain, to the end"),
     "quicker_than_li": _quicker_than("Li"),
     "quicker_than_li_to_the_end": _quicker_than("Li, to the end"),
     "solved_share": _solved,

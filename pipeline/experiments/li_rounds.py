@@ -8,18 +8,28 @@ as it is used. A round is one intersection and one descent in every camera's off
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
+from pipeline.experiments.li_plain import iterated, sights_of
 from pipeline.records import Problem, Solution, SolverSettings
 from pipeline.solver import dense
+from pipeline.solver.assembly import linear
+from pipeline.solver.intersection import intersect
 from pipeline.solver.layout import Frames, metric, pack
+from pipeline.solver.levenberg import Fit
 from pipeline.solver.li import alternate
+from pipeline.solver.model import Model, State
 from pipeline.solver.results import Outcome, solution_of
 from pipeline.solver.start import first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.timing import OFFSET
 
 
-def solve_li(problem: Problem, settings: SolverSettings) -> Solution:
-    """Li with at most `settings.max_iterations` rounds. Raises GeometryError where the rays do not determine it."""
-    found, seconds = alternated(problem, settings, pack(problem))
+def solve_li(problem: Problem, settings: SolverSettings, *, plain: bool = False) -> Solution:
+    """Li with at most `settings.max_iterations` rounds. Raises GeometryError where the rays do not determine it.
+
+    `plain`: the rounds by `li_plain`; only the record is then made by the solver, at the offsets found.
+    """
+    found, seconds = (plainly if plain else alternated)(problem, settings, pack(problem))
     return solution_of(problem, settings, found, seconds)
 
 
@@ -27,12 +37,35 @@ def alternated(problem: Problem, settings: SolverSettings, frames: Frames) -> tu
     """The same on packed sightings, without the record: where it ends, and the seconds it took."""
     dense.warm()
     began = time.perf_counter()
-    camera = first_camera(problem, given_offsets(problem), {})
-    model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
+    model, state = _begun(problem, settings, frames)
     fit = alternate(model, state, settings.max_iterations)
+    return _outcome(fit, frames), time.perf_counter() - began
+
+
+def plainly(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Outcome, float]:
+    """The same by NumPy and SciPy."""
+    model, state = _begun(problem, settings, frames)
+    offsets = state.camera[:, OFFSET].copy()
+    began = time.perf_counter()
+    sights = sights_of(frames, list(first_choice(problem).orders))
+    offset_s, rounds, rests = iterated(sights, offsets, settings.max_iterations)
     seconds = time.perf_counter() - began
-    found = Outcome(
+    camera = state.camera.copy()
+    camera[:, OFFSET] = offset_s
+    state = intersect(model, replace(state, camera=camera))
+    fit = Fit(
+        model=model, linear=linear(model, state), status="converged" if rests else "iteration-limit", iterations=rounds
+    )
+    return _outcome(fit, frames), seconds
+
+
+def _begun(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Model, State]:
+    camera = first_camera(problem, given_offsets(problem), {})
+    return first_model(problem, settings, metric(frames), first_choice(problem), camera)
+
+
+def _outcome(fit: Fit, frames: Frames) -> Outcome:
+    return Outcome(
         model=fit.model, observed=frames, state=fit.state, status=fit.status, iterations=fit.iterations, cost=fit.cost,
         plain=None,
     )  # fmt: skip
-    return found, seconds

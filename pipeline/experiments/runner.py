@@ -23,7 +23,7 @@ from calibration.arrays import Floats
 from pipeline.experiments.bound import Bound
 from pipeline.experiments.catalogue import experiment_named
 from pipeline.experiments.declare import Experiment, Path3D
-from pipeline.experiments.flights import fly
+from pipeline.experiments.flights import fly, fly_timed
 from pipeline.experiments.measure import MEASURES
 from pipeline.experiments.paths import FlownPath, fly_path
 from pipeline.experiments.summary import Outcome, cell_bounds, summarise
@@ -67,9 +67,10 @@ class Flights:
     def __call__(self) -> Floats:
         """Fly them."""
         experiment = experiment_named(self.experiment)
+        runs = range(self.first, self.first + self.count)
         if experiment.timed:
             warmed(experiment, self.cell, self.seed)
-        runs = range(self.first, self.first + self.count)
+            return fly_timed(experiment, self.cell, runs, self.seed)
         return np.stack([fly(experiment, self.cell, run, self.seed) for run in runs])
 
 

@@ -7,13 +7,25 @@ import pytest
 
 from pipeline.errors import UsageError
 from pipeline.experiments import EXPERIMENTS, experiment_named
-from pipeline.experiments.approaches import MAP, MULTI_TI
+from pipeline.experiments.answers import optimum
+from pipeline.experiments.approaches import LI, LI_TO_THE_END, MAP, MULTI_TI, PLAIN_LI, PLAIN_LI_TO_THE_END
 from pipeline.experiments.count_experiments import occlusion, solvable
 from pipeline.experiments.declare import Grid, Path3D, Spell
 from pipeline.experiments.figures import FIGURES, words
-from pipeline.experiments.flights import answer, cell_scene, flown, fly, refused, run_seed, told, without_hidden
+from pipeline.experiments.flights import (
+    answer,
+    cell_scene,
+    flown,
+    fly,
+    fly_timed,
+    refused,
+    run_seed,
+    told,
+    without_hidden,
+)
 from pipeline.experiments.measure import MEASURES, place, viewpoint_errors
 from pipeline.experiments.summary import estimate
+from pipeline.solver.timing import OFFSET
 from pipeline.synthetic.scene import camera_pose
 
 
@@ -161,3 +173,25 @@ def test_the_long_range_flight_is_the_papers():
     for target in scene.targets:
         speed_kmh = 3.6 * np.linalg.norm(target.motion.position_enu_m(np.array([5.0]), 1))
         assert speed_kmh == pytest.approx(60.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "run"),
+    [("speed", 0, 1), ("speed", 1, 2), ("rotation", 0, 0)],
+    ids=["line", "curve", "four"],
+)
+def test_plain_li_goes_where_ours_goes(name, cell, run):
+    """NumPy and MINPACK share nothing with the solver but the sightings."""
+    flight = flown(experiment_named(name), cell, run, 1)
+    for ours, plain in ((LI, PLAIN_LI), (LI_TO_THE_END, PLAIN_LI_TO_THE_END)):
+        (mine, _), (theirs, _) = (optimum(flight.problem, flight.frames, a) for a in (ours, plain))
+        assert theirs.state.camera[1, OFFSET] == pytest.approx(mine.state.camera[1, OFFSET], abs=2e-4)
+        np.testing.assert_allclose(theirs.cost, mine.cost, rtol=1e-5)
+
+
+def test_solves_are_timed_apart_and_change_no_answer():
+    e = experiment_named("speed")
+    timed, alone = fly_timed(e, 0, range(2), 1), fly(e, 0, 1, 1)
+    free = [i for i, name in enumerate(MEASURES) if "seconds" not in name]
+    np.testing.assert_array_equal(timed[1][:, free], alone[:, free])
+    assert (timed[..., place("solver_seconds")] > 0).all()
