@@ -21,6 +21,7 @@ def run(arguments: Namespace, console: Console) -> int:
     log = read_log(
         arguments.log,
         system=arguments.system,
+        dialect=arguments.dialect,
         progress=lambda share: console.progress("read", round(100 * share), 100),
     )
     found = inspect_log(log)

@@ -168,6 +168,9 @@ def _inspect(commands: Commands) -> None:
     )
     parser.add_argument("log", type=Path, metavar="LOG", help=".tlog .mavlink .bin .log .ulg .srt")
     parser.add_argument("--system", type=int, metavar="ID", help="of several vehicles on one MAVLink link, this one")
+    parser.add_argument(
+        "--dialect", default="", metavar="NAME|XML", help="a pymavlink dialect, or your message definitions"
+    )
     parser.add_argument("-o", "--output", type=Path, metavar="picture.svg", help="draw the flight into this file")
 
 

@@ -116,6 +116,7 @@ def _camera(table: Table, name: str, folder: Path) -> CameraSettings:
         name=name,
         calibration=calibration,
         **paths,
+        dialect=_dialect(table, folder),
         pose=pose,
         start=_start(table),
         frame_rate=table.number("frame_rate", low=0, above=True),
@@ -130,6 +131,12 @@ def _camera(table: Table, name: str, folder: Path) -> CameraSettings:
 def _path(table: Table, key: str, folder: Path) -> Path | None:
     text = table.text(key)
     return None if text is None else folder / text
+
+
+def _dialect(table: Table, folder: Path) -> str:
+    """The name of one of pymavlink's dialects, or the path of a file of message definitions."""
+    text = table.text("dialect") or ""
+    return str(folder / text) if text.endswith(".xml") else text
 
 
 def _triple(values: tuple[float, ...] | None) -> Vector:

@@ -37,13 +37,17 @@ class MountSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSettings:
-    """One `[cameras.NAME]` table. Paths are absolute. `sigma` holds only the keys that were given, in SI units."""
+    """One `[cameras.NAME]` table.
+
+    Paths are absolute; `dialect` is a name or a path. `sigma` holds only the keys that were given, in SI units.
+    """
 
     name: str
     calibration: Path
     video: Path | None = None
     tracks: Path | None = None
     telemetry: Path | None = None
+    dialect: str = ""
     pose: StillPose | None = None
     start: float | str | None = None
     frame_rate: float | None = None

@@ -1,6 +1,6 @@
 """Camera poses of a flight, as measured: from logs, from tables, or still.
 
-Log time of frame f is `start` + its video time.
+Log time of frame f is `start` + its video time, or that of its own camera event where the log has one for each.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from pipeline.telemetry import (
     PoseTable,
     camera_poses,
     covered,
+    event_times,
     log_sigma,
     log_span,
     resolve_start,
@@ -105,6 +106,7 @@ def _from_log(
     else:
         start = _start(flight, camera, log) if found is None else found.start_s
         frame, time = wanted_frames(camera, clock, rate, tracks)
+    log_time_s, told = _log_times(camera, log, frame, start + time, time)
 
     def at(frames: Ints, log_time_s: Floats) -> PoseTrack:
         return camera_poses(
@@ -124,15 +126,25 @@ def _from_log(
         sigma = replace(sigma, start_s=found.sigma_s)
     return MeasuredPoses(
         camera=camera.name,
-        poses=at(frame, start + time),
+        poses=at(frame, log_time_s),
         frame_rate=rate,
         sigma=sigma,
         still=False,
         utc_s=utc,
         utc_sigma_s=None if log.utc is None else _utc_sigma_s(log.utc.sigma_s, found),
         poses_at=lambda base: lambda shift_s: at(base.frame, base.time_s + shift_s),
-        notes=notes,
+        notes=(*notes, *told),
     )
+
+
+def _log_times(
+    camera: CameraSettings, log: FlightLog, frame: Ints, nominal_s: Floats, time_s: Floats
+) -> tuple[Floats, tuple[str, ...]]:
+    """Log times (n,) of frames (n,), and a note: each its own event's where `start` says so and the log has them."""
+    own = event_times(log, frame, time_s) if camera.start == "camera-event" else None
+    if own is None:
+        return nominal_s, ()
+    return own, (f"each frame is at its own {log.camera_event_source} of {log.path.name}",)
 
 
 def _whole_log(

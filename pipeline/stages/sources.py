@@ -28,7 +28,8 @@ def open_sources(flight: Flight, progress: Callable[[str, float], None] | None =
         if path is not None and path not in by_path:
             name = camera.name
             tell = None if progress is None else (lambda share, name=name: progress(name, share))
-            by_path[path] = read_pose_table(path) if is_pose_table(path) else read_log(path, progress=tell)
+            table = is_pose_table(path)
+            by_path[path] = read_pose_table(path) if table else read_log(path, dialect=camera.dialect, progress=tell)
     found = {c.name: by_path[c.telemetry] for c in flight.cameras if c.telemetry is not None}
     logs = {name: source for name, source in found.items() if isinstance(source, FlightLog)}
     tables = {name: source for name, source in found.items() if isinstance(source, PoseTable)}

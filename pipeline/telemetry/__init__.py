@@ -11,7 +11,7 @@ from pipeline.telemetry.flight_log import (
 )
 from pipeline.telemetry.inspection import Inspection, inspect_log
 from pipeline.telemetry.log_sigma import log_sigma
-from pipeline.telemetry.log_time import first_position, log_span, resolve_start, utc_at
+from pipeline.telemetry.log_time import event_times, first_position, log_span, resolve_start, utc_at
 from pipeline.telemetry.pose_table import PoseTable, is_pose_table, read_pose_table, table_poses
 from pipeline.telemetry.read import read_log
 from pipeline.telemetry.turn_match import GRID_S, Candidate, LogTurning, Match, match_turns
@@ -33,6 +33,7 @@ __all__ = [
     "PositionSeries",
     "camera_poses",
     "covered",
+    "event_times",
     "first_position",
     "inspect_log",
     "is_pose_table",

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from calibration.arrays import Floats, Ints
 from pipeline.errors import InputFileError, UsageError
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.telemetry.flight_log import FlightLog
@@ -13,6 +14,8 @@ from pipeline.telemetry.missing import missing_position
 
 POSIX_FROM_S = 1e8
 """A number above this is POSIX seconds on the recorder's clock: no autopilot runs for three years."""
+EVENT_SHARE = 0.25
+"""Of a frame's interval: typically events are no further from it where each is a frame."""
 UTC_SOURCES = (
     "SYSTEM_TIME (tlog), GPS with week and milliseconds (DataFlash) or vehicle_gps_position (ulog) after a fix"
 )
@@ -41,6 +44,20 @@ def resolve_start(log: FlightLog, start: float | str, *, where: str) -> float:
         ) from None
     moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
     return _from_utc(log, moment.timestamp(), where)
+
+
+def event_times(log: FlightLog, frame: Ints, time_s: Floats) -> Floats | None:
+    """Log times (n,) of frames (n,) that the log's camera events tell one by one: event k is frame k.
+
+    None where they do not: there are fewer events than frames, or they are not as far apart as the frames' video times
+    `time_s` (n,), as where only the shutter's first press is logged.
+    """
+    event = log.camera_event_s
+    if len(frame) < 2 or int(frame.max()) >= len(event):
+        return None
+    step = np.diff(time_s)
+    wrong = np.abs(np.diff(event[frame]) - step)
+    return np.asarray(event[frame]) if np.median(wrong) < EVENT_SHARE * np.median(step) else None
 
 
 def utc_at(log: FlightLog, log_time_s: float) -> float | None:

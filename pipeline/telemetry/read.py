@@ -20,16 +20,19 @@ KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt"
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95", b"ULog"
 
 
-def read_log(path: Path, *, system: int | None = None, progress: Progress = None) -> FlightLog:
+def read_log(path: Path, *, system: int | None = None, dialect: str = "", progress: Progress = None) -> FlightLog:
     """The flight log at `path`.
 
-    `system` picks one vehicle of a MAVLink link by its system id. `progress` is called with the share done, 0 to 1.
+    `system` picks one vehicle of a MAVLink link by its system id. `dialect` names a pymavlink dialect or a file of
+    message definitions (.xml) for MAVLink; "" is ardupilotmega, with the common messages, by the fast reader.
+    `progress` is called with the share done, 0 to 1.
 
-    Raises InputFileError where the file is missing, of no known kind, or holds no vehicle.
+    Raises InputFileError where the file is missing, of no known kind, or holds no vehicle, UsageError where there is no
+    such dialect.
     """
     kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:16])
     if kind in (".tlog", ".mavlink", ".mav"):
-        return mavlink_flight(read_mavlink(path, progress=progress), system=system)
+        return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system)
     if kind == ".ulg" or head.startswith(ULOG_HEAD):
         return read_ulog(path, progress=progress)
     if kind == ".bin" or head.startswith(DATAFLASH_HEAD):
@@ -46,12 +49,12 @@ def read_log(path: Path, *, system: int | None = None, progress: Progress = None
     )
 
 
-def read_mavlink(path: Path, *, progress: Progress = None) -> RawLog:
-    """A MAVLink log, by the compiled reader where numba is installed, else by pymavlink's."""
-    if COMPILED:  # imported here: neither is needed, nor quick to import, for other logs
+def read_mavlink(path: Path, *, dialect: str = "", progress: Progress = None) -> RawLog:
+    """A MAVLink log, by the compiled reader where numba is installed, else, or in another dialect, by pymavlink's."""
+    if COMPILED and not dialect:  # imported here: neither is needed, nor quick to import, for other logs
         from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 
         return read_mavlink_fast(path, fields=FIELDS, progress=progress)
     from pipeline.telemetry.mavlink_plain import read_mavlink_plain
 
-    return read_mavlink_plain(path, progress=progress)
+    return read_mavlink_plain(path, dialect=dialect, progress=progress)

@@ -14,6 +14,7 @@ from pipeline.telemetry import (
     Mount,
     camera_poses,
     covered,
+    event_times,
     first_position,
     log_sigma,
     log_span,
@@ -24,6 +25,7 @@ from pipeline.telemetry import (
 from pipeline.telemetry.dataflash import read_dataflash_text
 from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.flight_log import BODY, HEADING
+from pipeline.telemetry.mavlink_plain import dialect_module
 from tests.unit.telemetry.written_logs import (
     BOOT_UTC_S,
     PLACE,
@@ -212,6 +214,45 @@ def read_log_of(path, content):
     return read_log(path)
 
 
+OWN_DIALECT = """<?xml version="1.0"?><mavlink><version>3</version><messages>
+<message id="30" name="ATTITUDE"><description>-</description>
+ <field type="uint32_t" name="time_boot_ms">-</field>
+ <field type="float" name="roll">-</field><field type="float" name="pitch">-</field>
+ <field type="float" name="yaw">-</field><field type="float" name="rollspeed">-</field>
+ <field type="float" name="pitchspeed">-</field><field type="float" name="yawspeed">-</field></message>
+<message id="41000" name="OWN_THING"><description>-</description>
+ <field type="uint32_t" name="time_boot_ms">-</field></message></messages></mavlink>"""
+
+
+class TestDialect:
+    def test_pymavlinks_common_gives_the_same_flight(self, flight):
+        same = read_log(flight.path, dialect="common")
+        np.testing.assert_array_equal(same.position.lat_rad, flight.position.lat_rad)
+        np.testing.assert_array_equal(same.attitude.ned_from_body, flight.attitude.ned_from_body)
+
+    def test_a_file_of_definitions_adds_the_users_messages(self, tmp_path):
+        own = tmp_path / "own.xml"
+        own.write_text(OWN_DIALECT)
+        messages = dialect_module(str(own))
+        link = Link()
+        for i in range(9):
+            for message in (
+                messages.MAVLink_attitude_message(1000 * i, 0.1, 0.2, 0.3, 0, 0, 0),
+                messages.MAVLink_own_thing_message(1000 * i),
+            ):
+                link.send(message, record_s=RECORD_EPOCH_S + i)
+        path = link.save(tmp_path / "own.tlog")
+        assert "OWN_THING" not in read_log(path).counts
+        log = read_log(path, dialect=str(own))
+        assert dict(log.counts) == {"ATTITUDE": 9, "OWN_THING": 9}
+        np.testing.assert_allclose(log.attitude.time_s, np.arange(9))
+
+    @pytest.mark.parametrize("name", ["comon", "absent.xml"])
+    def test_what_is_no_dialect_is_named(self, flight, name):
+        with pytest.raises(UsageError, match=f"dialect {name}"):
+            read_log(flight.path, dialect=name)
+
+
 class TestGimbal:
     def gimbal_log(self, tmp_path, *, flags, component=154, boot_lag_s=0.0):
         link = Link()
@@ -308,6 +349,17 @@ class TestStart:
         log = read_log_of(tmp_path / "c.tlog", b"".join(link.packets))
         assert resolve_start(log, "camera-event", where="w") == pytest.approx(103.0, abs=1e-6)
         assert log.camera_event_source == "CAMERA_IMAGE_CAPTURED"
+
+    def test_events_one_for_each_frame_are_the_frames_times(self, onboard):
+        """The log has an event every second from 100 s on."""
+        frame = np.array([0, 2, 3, 7])
+        np.testing.assert_allclose(event_times(onboard, frame, frame * 1.03), 100.0 + frame)
+
+    def test_events_that_are_no_frames_are_not(self, onboard):
+        frame = np.arange(5)
+        assert event_times(onboard, frame, frame * 0.04) is None  # 25 Hz: the events are something else
+        assert event_times(onboard, np.arange(12), np.arange(12.0)) is None  # one too few
+        assert event_times(onboard, frame[:1], frame[:1] * 1.0) is None
 
     @pytest.mark.parametrize("start", ["soon", "12:30", float("nan"), float("inf")])
     def test_what_is_no_time_is_a_usage_error(self, flight, start):
