@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from calibration.camera import CameraModel
     from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
     from calibration.from_files import calibrate_files
-    from calibration.pictures import pictures
     from calibration.report import calibration_page
     from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView
     from calibration.solve import calibrate
+    from calibration.view_pictures import pictures
     from calibration.views import BoardView
 
 __all__ = [
@@ -63,7 +63,7 @@ _HOME = {
     "calibrate_files": "from_files",
     "calibration_page": "report",
     "camera_json": "camera_files",
-    "pictures": "pictures",
+    "pictures": "view_pictures",
     "read_camera": "camera_files",
     "write_camera": "camera_files",
 }

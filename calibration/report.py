@@ -31,7 +31,7 @@ def calibration_page(
 ) -> str:
     """One HTML page without outside parts: verdict, intrinsics, residuals over the image, a row per view.
 
-    `pictures` are JPEGs by the names of views (`calibration.pictures`).
+    `pictures` are JPEGs by the names of views (`view_pictures`).
     """
     width, height = found.camera.image_size
     known = found.direction_sigma
