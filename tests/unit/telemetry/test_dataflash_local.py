@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.telemetry import log_sigma, read_log
+from pipeline.telemetry.ulog import _accuracy as ulog_accuracy
 from tests.unit.telemetry import written_logs
 from tests.unit.telemetry.written_logs import Link, dataflash_records, definitions, fly, record
 
@@ -79,3 +80,15 @@ def test_estimator_status_stands_in_where_the_receiver_states_nothing(tmp_path):
     log = read_log(tmp_path / "a.tlog")
     assert (log.accuracy.source, log.accuracy.horizontal_m) == ("ESTIMATOR_STATUS", pytest.approx(0.6))
     assert log_sigma(log).position_bias_m == pytest.approx(np.sqrt((0.36 + 0.64) / 2))
+
+
+def test_px4_says_what_its_position_is_worth():
+    """PX4: eph, epv are metres, one sigma; estimator_status has them where no position topic does."""
+    stamp = np.arange(3) * 100_000
+    position = {"timestamp": stamp, "eph": np.array([0.0, 0.8, 0.8]), "epv": np.array([1.4, 1.4, 999.0])}
+    status = {"timestamp": stamp, "pos_horiz_accuracy": np.full(3, 0.3), "pos_vert_accuracy": np.full(3, 0.4)}
+    both = ulog_accuracy({"vehicle_global_position": position, "estimator_status": status})
+    assert (both.horizontal_m, both.vertical_m, both.source) == (0.8, 1.4, "vehicle_global_position")
+    alone = ulog_accuracy({"estimator_status": status})
+    assert (alone.horizontal_m, alone.vertical_m, alone.source) == (0.3, 0.4, "estimator_status")
+    assert np.isnan(ulog_accuracy({"vehicle_global_position": {"timestamp": stamp}}).horizontal_m)
