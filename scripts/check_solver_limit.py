@@ -25,6 +25,7 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.experiments import noises
+from pipeline.experiments.answers import answer_of
 from pipeline.experiments.bound import bound
 from pipeline.experiments.measure import motion_nees, viewpoint_errors
 from pipeline.experiments.runner import processes
@@ -91,7 +92,9 @@ class Job:
         problem, _ = simulate(scene, noise=self.cell.drawn, seed=seed)
         found = solve(problem, SolverSettings())
         targets = range(len(scene.targets))
-        square = [float((viewpoint_errors(found, scene, n) ** 2).sum(axis=1).mean()) for n in targets]
+        square = [
+            float((viewpoint_errors(answer_of(found, problem, n), scene, n) ** 2).sum(axis=1).mean()) for n in targets
+        ]
         nees = [motion_nees(found.motions[n], scene, n) for n in targets]
         clock = found.clocks[1]
         off = (clock.offset_s - scene.cameras[1].offset_s) / clock.offset_sigma_s
