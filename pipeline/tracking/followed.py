@@ -65,6 +65,7 @@ class Followed:
     scale_when_lost, speed_when_lost  image pixels for one of the first box's frame, and over the ground per second,
              when it was last seen
     hidden, gone  not seen now; not looked for any more
+    spin     how fast it turns against the scene, rad/s
     fixes, travelled_px  so far; the way is over the ground
     """
 
@@ -72,6 +73,7 @@ class Followed:
     linear: Floats
     course: Course
     coarse: Coarse | None
+    spin: float = 0.0
     usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
     scale_when_lost: float = 1.0

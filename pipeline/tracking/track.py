@@ -24,7 +24,7 @@ from pipeline.tracking.follow import begin, follow
 from pipeline.tracking.followed import Fix, Followed
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.video import VideoHead, frames_of, interlaced, video_head, video_times
+from pipeline.tracking.video import VideoHead, frames_of, video_head, video_times
 
 LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
 PART_FRAMES = 4  # handed to the targets' threads at a time
@@ -155,11 +155,11 @@ class _Follower:
 def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
     times, missing = array("d"), 0
-    known_s, woven = video_times(path).frame_time_s, interlaced(path)
+    known_s, woven = video_times(path, head).frame_time_s, False
     notes: list[str] = []
     size = (0, 0)
     part: list[Scene] = []
-    found = ahead(scenes(frames_of(path, known_s, woven)), PART_FRAMES)
+    found = ahead(scenes(frames_of(path, known_s)), PART_FRAMES)
     for scene in found:
         now = scene.pixels.shape[1], scene.pixels.shape[0]
         size = size if times else now
@@ -167,6 +167,7 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
             notes.append(_size_note(scene.frame, now, size))
             break
         part.append(scene)
+        woven = scene.woven
         missing += scene.frame - len(times)
         times.extend(known_s[len(times) : scene.frame])
         times.append(scene.time_s)
