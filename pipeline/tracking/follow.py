@@ -62,23 +62,17 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
     image, frame = scene.pixels, scene.frame
     if target.gone:
         return target, ()
-    course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
-    target = replace(
-        target, course=course, linear=jacobian @ target.linear @ _rotation(target.spin * scene.dt_s),
-        spin=target.spin * math.exp(-scene.dt_s / SPIN_LASTS_S) if target.hidden else target.spin,
-    )  # fmt: skip
+    target = _carried(target, scene)
     if target.hidden:
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, scene, settings)
     if found is None:
-        lost = _lost_again(target, scene) if target.pending else _lost(target, scene)
-        return lost, ()
+        return _lost(target, scene) if target.doubt is None else target.doubt.otherwise, ()
     elsewhere = not can_be_there(target, found)
     target = _learned(target, image, found, scene, settings)
     fix = fix_of(frame, found, target.template)
-    if not target.pending:
+    if target.doubt is None:
         return target, (fix,)
-    assert target.doubt is not None
     if elsewhere:
         return replace(target, pending=(fix,), doubt=replace(target.doubt, anchor_px=found.warp.centre_px)), ()
     pending, doubt = (*target.pending, fix), target.doubt.later(scene)
@@ -86,8 +80,20 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
     if len(pending) <= (doubt.frames if as_usual else MOST_PENDING):
         return replace(target, pending=pending, doubt=doubt), ()
     if doubt.stands_still(found.warp.centre_px):
-        return _lost_again(target, scene), ()
+        return doubt.otherwise, ()
     return replace(target, pending=(), doubt=None), pending
+
+
+def _carried(target: Followed, scene: Scene) -> Followed:
+    """Where and how a target should be now; of one that was found in doubt, also if that was a mistake."""
+    course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
+    doubt = target.doubt
+    return replace(
+        target, course=course, linear=jacobian @ target.linear @ _rotation(target.spin * scene.dt_s),
+        spin=target.spin * math.exp(-scene.dt_s / SPIN_LASTS_S) if target.hidden else target.spin,
+        lost_s=target.lost_s + scene.dt_s if target.hidden else target.lost_s,
+        doubt=None if doubt is None else replace(doubt, otherwise=_carried(doubt.otherwise, scene)),
+    )  # fmt: skip
 
 
 def _lost(target: Followed, scene: Scene) -> Followed:
@@ -95,11 +101,6 @@ def _lost(target: Followed, scene: Scene) -> Followed:
     return replace(
         target, hidden=True, coarse=None, lost_s=scene.dt_s, scale_when_lost=target.scale, speed_when_lost=speed
     )
-
-
-def _lost_again(target: Followed, scene: Scene) -> Followed:
-    """A target whose find did not hold: lost as long as before."""
-    return replace(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=target.lost_before_s + scene.dt_s)
 
 
 def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[Followed, Alignment | None]:
@@ -151,7 +152,6 @@ def _searched(
     target: Followed, image: Image, frame: int, scene: Scene, settings: TrackingSettings
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """A hidden target: the whole region in which it can be."""
-    target = replace(target, lost_s=target.lost_s + scene.dt_s)
     if target.lost_s > settings.longest_loss_s or not _can_return(target, image):
         return replace(target, gone=True), ()
     if not _in_view(target.course, image):
@@ -170,8 +170,8 @@ def _searched(
         return target, ()
     found = _put_right(target, found, scene)
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
-    doubt = Doubt(frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
-    target = replace(target, hidden=False, coarse=None, doubt=doubt, lost_before_s=target.lost_s)
+    doubt = Doubt(otherwise=target, frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
+    target = replace(target, hidden=False, coarse=None, doubt=doubt)
     return replace(
         _learned(target, image, found, scene, settings, learn=False), pending=(fix_of(frame, found, target.template),)
     ), ()
