@@ -27,7 +27,7 @@ from pipeline.tracking.followed import Doubt, Fix, Followed
 from pipeline.tracking.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.search import matches_nearby
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.template import Template, Warp, adapted, contrasted, first_template
+from pipeline.tracking.template import Template, Warp, adapted, contrasted, first_template, informed
 from pipeline.tracking.verify import TO_FOLLOW, TO_LEARN, TO_RETURN, can_be_there, holds, merit
 from pipeline.tracking.video import Image
 
@@ -44,8 +44,10 @@ SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is bel
 LARGEST_TURN_RAD = 0.15  # from one frame to the next; more is a correction
 
 
-def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed, Fix]:
-    """Takes up a target at its first box."""
+def begin(
+    image: Image, box: Box, settings: TrackingSettings, known: Followed | None = None
+) -> tuple[Followed, Fix]:
+    """Takes up a target at its first box; `known` is what was learned of it when it was followed the other way."""
     centre, size = np.array(box.centre_px), (box.width, box.height)
     template = first_template(image, centre, size)
     target = Followed(
@@ -54,6 +56,11 @@ def begin(image: Image, box: Box, settings: TrackingSettings) -> tuple[Followed,
         course=first_course(centre, max(size)),
         coarse=start_coarse(settings.tracker, image, Warp(linear=np.eye(2), centre_px=centre), size),
     )
+    if known is not None:
+        target = replace(
+            target, template=informed(template, known.template), usual=known.usual, fixes=known.fixes,
+            travelled_px=known.travelled_px,
+        )  # fmt: skip
     return target, Fix(frame=box.frame, xy_px=box.centre_px, linear=np.eye(2), sigma_px=SIGMA_FLOOR_PX, score=1.0)
 
 

@@ -118,6 +118,11 @@ def first_template(image: Image, centre_px: Floats, size_px: tuple[float, float]
     )  # fmt: skip
 
 
+def informed(template: Template, known: Template) -> Template:
+    """The first look of a target whose pixels are known from elsewhere: which are its own, and how much they differ."""
+    return replace(template, spread=known.spread, apart=known.apart, own=known.own, compared=known.compared)
+
+
 def sample(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float = 0.0) -> Pixels:
     """The image (h, w, 3) as a template of `shape` would see it under `warp`, smoothed; edges repeat outside.
 

@@ -105,11 +105,12 @@ class _Follower:
     def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
         self.boxes, self.settings, self.pool = boxes, settings, pool
         self.targets: dict[str, Followed] = {}
+        self.known: dict[str, Followed] = {}  # every target as it was when it ceased to be new
         self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
         self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
 
     def turn_round(self) -> None:
-        """From here on every target starts at its box again."""
+        """From here on every target starts at its box again, with what is known of it by now."""
         self.targets = {}
 
     def go_on(self, part: Sequence[Scene]) -> None:
@@ -142,11 +143,13 @@ class _Follower:
         target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
         for scene in part:
             if scene.frame == box.frame:
-                target, first = begin(scene.pixels, box, self.settings)
+                target, first = begin(scene.pixels, box, self.settings, self.known.get(name))
                 fixes.append(first)
             elif target is not None:
                 target, new = follow(target, scene, self.settings)
                 fixes += new
+                if not target.new and not target.hidden:
+                    self.known.setdefault(name, target)
                 if target.hidden and not target.gone:
                     self._looked[name].extend((scene.frame, *target.course.position_px, target.course.sigma_px))
         return target, fixes
