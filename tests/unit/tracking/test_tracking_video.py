@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -37,8 +38,10 @@ def panning(frames: int) -> list[np.ndarray]:
     return out
 
 
-def written(path: Path, frames: list[np.ndarray], codec: str = "MJPG", rate: float = 25.0) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, SIZE)
+def written(
+    path: Path, frames: Iterable[np.ndarray], codec: str = "MJPG", rate: float = 25.0, size: tuple[int, int] = SIZE
+) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, size)
     for frame in frames:
         writer.write(frame)
     writer.release()
