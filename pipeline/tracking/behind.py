@@ -12,10 +12,11 @@ from calibration.arrays import Floats
 from pipeline.tracking.align import Alignment, align
 from pipeline.tracking.background import Scene, moved
 from pipeline.tracking.followed import Followed
-from pipeline.tracking.template import Pixels, Warp, over_ground, sample
+from pipeline.tracking.template import DOUBT, Pixels, Warp, over_ground, sample
 from pipeline.tracking.video import Image
 
 LEAST_AWAY_PX = 2.0  # that a target must have moved to be told from what is behind it
+COVERED = 2.5  # sigmas of a pixel's difference that are as unlikely as its being covered
 TOLD_FROM = 0.4  # how much of its own look must be known of a target for odds
 OUTLINED_PX, OUTLINED_FROM = 24.0, 0.5  # targets smaller than that are seen against known ground, once they are known
 
@@ -56,9 +57,12 @@ def difference_from_scene(target: Followed, found: Alignment, scene: Scene, leas
     return None if ground is None else np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
 
 
-def odds_against_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> float | None:
+def odds_against_scene(
+    target: Followed, found: Alignment, scene: Scene, least_px: float, covered: bool = False
+) -> float | None:
     """How much worse the scene behind explains what was found than the target does (ratio of squared residuals).
 
+    covered  whether part of the target may be hidden: a pixel is then either the target's or, at a price, the scene's
     None where the scene behind is not known, or not yet which pixels are the target's own.
     """
     if target.template.compared < TOLD_FROM:  # what else its box holds would speak against it
@@ -66,8 +70,10 @@ def odds_against_scene(target: Followed, found: Alignment, scene: Scene, least_p
     difference = difference_from_scene(target, found, scene, least_px)
     if difference is None:
         return None
-    trust = target.template.trust
-    return float((trust * difference).sum()) / max(1e-9, float((trust * found.residual).sum()))
+    trust, explained = target.template.trust, found.residual
+    if covered:
+        explained = np.minimum(explained, difference + COVERED**2 * (target.template.spread + DOUBT))
+    return float((trust * difference).sum()) / max(1e-9, float((trust * explained).sum()))
 
 
 def aligned(target: Followed, scene: Scene, start: Warp, looseness: float) -> Alignment:

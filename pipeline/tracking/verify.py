@@ -33,9 +33,11 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
     seen = np.array([found.score, found.agreeing])
     if not target.hidden and np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - TO_LEARN)):
         return True
-    odds = odds_against_scene(target, found, scene, 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX)
-    if odds is not None and odds < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
+    away_px = 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX
+    partly = odds_against_scene(target, found, scene, away_px, covered=True)
+    if partly is not None and partly < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
         return False
+    odds = odds_against_scene(target, found, scene, away_px)
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (NEW_SLACK if target.new else 1.0))
     if odds is not None and odds > SURE_ODDS:
         near = _expected(target, found) and not target.pending
