@@ -44,9 +44,7 @@ SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is bel
 LARGEST_TURN_RAD = 0.15  # from one frame to the next; more is a correction
 
 
-def begin(
-    image: Image, box: Box, settings: TrackingSettings, known: Followed | None = None
-) -> tuple[Followed, Fix]:
+def begin(image: Image, box: Box, settings: TrackingSettings, known: Followed | None = None) -> tuple[Followed, Fix]:
     """Takes up a target at its first box; `known` is what was learned of it when it was followed the other way."""
     centre, size = np.array(box.centre_px), (box.width, box.height)
     template = first_template(image, centre, size)
@@ -74,7 +72,7 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, scene, settings)
     if found is None:
-        return _lost(target, scene) if target.doubt is None else target.doubt.otherwise, ()
+        return _lost(target, scene), ()
     elsewhere = not can_be_there(target, found)
     target = _learned(target, image, found, scene, settings)
     fix = fix_of(frame, found, target.template)
@@ -104,6 +102,12 @@ def _carried(target: Followed, scene: Scene) -> Followed:
 
 
 def _lost(target: Followed, scene: Scene) -> Followed:
+    """A target that is not seen: hidden where it was, or where it was before a find that too few frames agreed with."""
+    if target.doubt is not None:
+        was = target.doubt.otherwise
+        if len(target.pending) <= target.doubt.frames:
+            return was
+        return replace(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=was.lost_s)
     speed = float(np.hypot(*target.course.velocity))
     return replace(
         target, hidden=True, coarse=None, lost_s=scene.dt_s, scale_when_lost=target.scale, speed_when_lost=speed

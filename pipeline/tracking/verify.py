@@ -41,9 +41,10 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (NEW_SLACK if target.new else 1.0))
     if odds is not None and odds > SURE_ODDS:
         near = _expected(target, found) and not target.pending
-        least = np.minimum(
-            least, (VERY_SURE if odds > VERY_SURE_ODDS else SURE) if near else target.usual - TO_RETURN_SURE
-        )
+        if near:
+            least = np.minimum(least, VERY_SURE if odds > VERY_SURE_ODDS else SURE)
+        elif not target.hidden:
+            least = np.minimum(least, target.usual - TO_RETURN_SURE)
     return bool(np.all(seen >= least))
 
 
