@@ -146,7 +146,7 @@ def _shape_offset(linear, predicted):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _weights(spread, step, linear, centre, near, shared, image):  # type: ignore[no-untyped-def]
+def _weights(spread, own, step, linear, centre, near, shared, image):  # type: ignore[no-untyped-def]
     """Information of each pixel (h w,): near the tracked point, of small spread, inside the image (width, height)."""
     h, w = spread.shape[0], spread.shape[1]
     weight = np.empty(h * w, np.float32)
@@ -161,20 +161,20 @@ def _weights(spread, step, linear, centre, near, shared, image):  # type: ignore
             x = linear[0, 0] * ux + linear[0, 1] * uy + centre[0]
             y = linear[1, 0] * ux + linear[1, 1] * uy + centre[1]
             inside = x >= 0 and x <= image[0] - 1 and y >= 0 and y <= image[1] - 1
-            weight[i * w + j] = across[j] * down / (shared * spread[i, j]) if inside else 0.0
+            weight[i * w + j] = across[j] * down * own[i, j] / (shared * spread[i, j]) if inside else 0.0
     return weight
 
 
 @compiled
 def settled(  # type: ignore[no-untyped-def]
-    piece, corner, pixels, spreads, near, shared, image, step_px, linear, centre, predicted, prior, iterations,
+    piece, corner, pixels, spreads, own, near, shared, image, step_px, linear, centre, predicted, prior, iterations,
     enough_px, robust_sigmas,
 ):  # fmt: skip
     """The descent: (linear, centre, inverse (10, 10), what is seen (3, n), robust weight (n,))."""
     h, w = pixels.shape[0], pixels.shape[1]
     n = h * w
     spread = spreads.reshape(n)
-    weight = _weights(spreads, step_px, linear, centre, near, shared, image)
+    weight = _weights(spreads, own, step_px, linear, centre, near, shared, image)
     columns = np.empty((7, 3, n), np.float32)
     _columns(pixels, step_px, columns)
     target, seen, change = np.empty((3, n), np.float32), np.empty((3, n), np.float32), np.empty((3, n), np.float32)
@@ -217,7 +217,7 @@ def settled(  # type: ignore[no-untyped-def]
 @compiled
 def judged(  # type: ignore[no-untyped-def]
     pixels, spread, trust, core, seen, robust, step, linear, centre, image, least_tolerance, most_tolerance,
-    robust_sigmas,
+    robust_sigmas, brighter,
 ):  # fmt: skip
     """(raw, light (h, w, 3), residual (h, w), share agreeing, correlation, share of the box inside the image)."""
     h, w = pixels.shape[0], pixels.shape[1]
@@ -266,6 +266,8 @@ def judged(  # type: ignore[no-untyped-def]
                     ab += trust[i, j] * a * b
                     aa += trust[i, j] * a * a
                     bb += trust[i, j] * b * b
+    for colour in range(3):
+        mean_own[colour] = mean_seen[colour] - min(max(mean_seen[colour] - mean_own[colour], -brighter), brighter)
     gain = min(max(common / max(square, 1e-9), 0.7), 1.4)
     agreeing, sure = 0.0, 0.0
     for i in range(h):

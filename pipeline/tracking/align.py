@@ -34,6 +34,7 @@ TOLERANCE = 4.0**2, 15.0**2  # least and largest squared residual (grey levels) 
 NEAR, LEAST_NEAR_PX = 0.22, 2.5  # one sigma of the weight around the tracked point: share of the box, at least
 # scale, rotation, shears: what one frame may change
 SHAPE_SIGMA = np.array([0.01, 0.02, 0.007, 0.007])
+BRIGHTER = 12.0  # grey levels by which a target may be brighter or darker than its template, at most
 GAIN_SIGMA, BRIGHTNESS_SIGMA = 0.1, 10.0
 
 
@@ -78,13 +79,13 @@ def aligned_compiled(
     judged: Callable[..., tuple[Any, ...]] = _kernels.judged
     image_px, near = np.array(image.shape[1::-1], float), np.array(_near_px(template))
     linear, centre, inverse, seen, robust = settled(
-        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, near, SHARED_NOISE, image_px,
-        template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
+        patch.pixels, np.array(patch.corner_px, float), template.pixels, template.spread, template.own, near,
+        SHARED_NOISE, image_px, template.step_px, np.asarray(start.linear, float), np.asarray(start.centre_px, float),
         np.asarray(predicted_linear, float), _prior(looseness), ITERATIONS, ENOUGH_PX, ROBUST,
     )  # fmt: skip
     raw, light, residual, agreeing, score, inside = judged(
         template.pixels, template.spread, template.trust, template.core, seen, robust, template.step_px, linear, centre,
-        image_px, *TOLERANCE, ROBUST,
+        image_px, *TOLERANCE, ROBUST, BRIGHTER,
     )  # fmt: skip
     return Alignment(
         warp=Warp(linear=linear, centre_px=centre),
@@ -149,7 +150,7 @@ def _prior(looseness: float) -> Floats:
 
 def _pixel_weight(template: Template, image: Image, warp: Warp) -> Pixels:
     """Information of each value (h w 3,) before robust weighting; zero outside the image."""
-    weight = _nearness(template) / (SHARED_NOISE * template.spread)
+    weight = _nearness(template) * template.own / (SHARED_NOISE * template.spread)
     weight = weight * _inside(template, image, warp)
     return np.asarray(np.repeat(weight.reshape(-1), 3), np.float32)
 
@@ -239,7 +240,8 @@ def _light(template: Template, seen: Pixels, columns: Pixels, robust: Pixels) ->
     mean_own = (weight * template.pixels).sum(axis=(0, 1)) / total
     s, o = seen - mean_seen, template.pixels - mean_own
     gain = float((weight * s * o).sum() / max(1e-9, float((weight * s * s).sum())))
-    return np.asarray(s * np.clip(gain, 0.7, 1.4) + mean_own, np.float32)
+    brighter = np.clip(mean_seen - mean_own, -BRIGHTER, BRIGHTER)
+    return np.asarray(s * np.clip(gain, 0.7, 1.4) + mean_seen - brighter, np.float32)
 
 
 def _score(template: Template, seen: Pixels, core: np.ndarray) -> float:

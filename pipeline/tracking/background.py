@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from calibration.arrays import Floats
 from pipeline.tracking.video import Frame, Image
 
-CORNERS, REFRESH, FEWEST = 150, 6, 12
+CORNERS, REFRESH, FEWEST = 120, 6, 12
 KEY_EVERY, KEYS = 6, 3  # a frame in so many is kept, and so many of them
 REDUCED_WIDTH_PX = 320
 FLOW_WINDOW, FLOW_LEVELS = (9, 9), 3
@@ -32,10 +33,18 @@ class Keyframe:
     cur_from_key: Floats
     age: int
 
+    @cached_property
+    def key_from_cur(self) -> Floats:
+        """What leads back to it."""
+        return np.asarray(np.linalg.inv(self.cur_from_key))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """A frame and what it is to every target: number, time, pixels, motion of the background, earlier frames."""
+    """A frame and what it is to every target: number, time, pixels, motion of the background, earlier frames.
+
+    woven  whether the frame was woven of two fields
+    """
 
     frame: int
     time_s: float
@@ -43,6 +52,7 @@ class Scene:
     dt_s: float
     cur_from_prev: Floats
     keys: tuple[Keyframe, ...]
+    woven: bool = False
 
 
 def scenes(frames: Iterator[Frame]) -> Iterator[Scene]:
@@ -60,6 +70,7 @@ def scenes(frames: Iterator[Frame]) -> Iterator[Scene]:
             dt_s=abs(frame.time_s - last_s),
             cur_from_prev=motion,
             keys=background.keys,
+            woven=frame.woven,
         )
         last_s = frame.time_s
 

@@ -32,12 +32,14 @@ class Fix:
 class Doubt:
     """A find that waits for confirmation.
 
+    otherwise    the target as it is if the find is a mistake: still hidden, its course as it was, carried along
     frames       that must agree with it
     anchor_px    the ground where it was found, as the background carried it since
     expected_px  how far the target would have gone over the ground since, at the speed it had
     speed        that speed, px/s
     """
 
+    otherwise: Followed
     frames: int
     anchor_px: Floats
     speed: float
@@ -61,10 +63,11 @@ class Followed:
     usual    (score, share agreeing) of this target when all of it is seen
     pending  fixes after a loss that wait for confirmation; None while not in doubt
     doubt    how much must agree before they count
-    lost_s, lost_before_s  how long it has been hidden; and had been before a find that is in doubt
+    lost_s   how long it has been hidden
     scale_when_lost, speed_when_lost  image pixels for one of the first box's frame, and over the ground per second,
              when it was last seen
     hidden, gone  not seen now; not looked for any more
+    spin     how fast it turns against the scene, rad/s
     fixes, travelled_px  so far; the way is over the ground
     """
 
@@ -72,11 +75,11 @@ class Followed:
     linear: Floats
     course: Course
     coarse: Coarse | None
+    spin: float = 0.0
     usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
     scale_when_lost: float = 1.0
     speed_when_lost: float = 0.0
-    lost_before_s: float = 0.0
     doubt: Doubt | None = None
     hidden: bool = False
     gone: bool = False

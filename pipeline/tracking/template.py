@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -24,6 +25,8 @@ LARGEST_PIXELS = 1600  # finer templates gain nothing
 SMOOTHING_PX = 0.7  # of image and template alike, in template pixels: against noise and interpolation error
 # squared grey levels: of a pixel that surely belongs to the target, of the box's corners, of the margin, at most
 DOUBT = 7.0**2  # added to the spread of a pixel where it votes
+LEAST_OWN, KNOWN = 0.03, 1.5  # say of a pixel that is surely the scene's; how soon what is known of that is believed
+GROUND_SPREAD = 8.0**2  # of known ground beside the target
 NOISE_SPREAD, CORNER_SPREAD, OUTSIDE_SPREAD, LARGEST_SPREAD = 5.0**2, 10.0**2, 25.0**2, 40.0**2
 
 
@@ -52,7 +55,10 @@ class Template:
 
     pixels   (h, w, 3) smoothed, grey levels
     spread   (h, w) expected squared residual
-    apart    (h, w) expected squared difference from the scene behind, as far as the target has moved in front of it
+    apart    (h, w) expected squared difference from the scene behind, times `compared`
+    compared how much is known of that, 0 to 1: nothing until the target has moved in front of the scene
+    own      (h, w) how far each pixel belongs to the target, up to 1: those that follow it and differ from the scene;
+             all the same as long as nothing is known
     core     (h, w) true inside the first box
     step_px  distance of neighbouring template pixels in u
     size_px  (width, height) of the first box
@@ -61,9 +67,11 @@ class Template:
     pixels: Pixels
     spread: Pixels
     apart: Pixels
+    own: Pixels
     core: Bools
     step_px: float
     size_px: tuple[float, float]
+    compared: float = 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,11 +83,10 @@ class Template:
         """Geometric mean of the first box's sides."""
         return math.sqrt(self.size_px[0] * self.size_px[1])
 
-    @property
+    @cached_property
     def trust(self) -> Pixels:
-        """(h, w) the say of each pixel in whether this is the target: those that follow it and differ from the rest."""
-        own = np.clip(self.apart / (self.spread + NOISE_SPREAD) - 0.5, 0.15, 1.5) / 1.5
-        return np.asarray(own / (self.spread + DOUBT), np.float32)
+        """(h, w) the say of each pixel in whether this is the target."""
+        return np.asarray(self.own / (self.spread + DOUBT), np.float32)
 
     @property
     def proven(self) -> Bools:
@@ -105,7 +112,15 @@ def first_template(image: Image, centre_px: Floats, size_px: tuple[float, float]
     pixels = sample(image, start, (h, w), step)
     oval = (ux[None, :] / size_px[0]) ** 2 + (uy[:, None] / size_px[1]) ** 2 <= 0.25
     spread = np.where(oval, NOISE_SPREAD, np.where(core, CORNER_SPREAD, OUTSIDE_SPREAD)).astype(np.float32)
-    return Template(pixels=pixels, spread=spread, apart=np.zeros_like(spread), core=core, step_px=step, size_px=size_px)
+    nothing, every = np.zeros_like(spread), np.ones_like(spread)
+    return Template(
+        pixels=pixels, spread=spread, apart=nothing, own=every, core=core, step_px=step, size_px=size_px
+    )  # fmt: skip
+
+
+def informed(template: Template, known: Template) -> Template:
+    """The first look of a target whose pixels are known from elsewhere: which are its own, and how much they differ."""
+    return replace(template, spread=known.spread, apart=known.apart, own=known.own, compared=known.compared)
 
 
 def sample(image: Image, warp: Warp, shape: tuple[int, int], step_px: float, reach_px: float = 0.0) -> Pixels:
@@ -176,7 +191,19 @@ def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float, spr
     )
 
 
+def over_ground(template: Template, ground: Pixels) -> Template:
+    """The template as it should look over known ground (h, w, 3): its outline tells as much as its inside."""
+    own = cv2.GaussianBlur(template.own, (0, 0), SMOOTHING_PX, borderType=cv2.BORDER_REPLICATE)
+    pixels = ground + own[:, :, None] * (template.pixels - ground)
+    spread = GROUND_SPREAD + own * (template.spread - GROUND_SPREAD)
+    every = np.ones_like(template.own)
+    return replace(template, pixels=pixels, spread=np.maximum(spread, NOISE_SPREAD / 4), own=every)
+
+
 def contrasted(template: Template, difference: Pixels, rate: float) -> Template:
     """The template after its pixels were compared with the scene behind: `difference` (h, w) squared."""
     apart = template.apart + np.float32(rate) * (np.minimum(difference, LARGEST_SPREAD) - template.apart)
-    return replace(template, apart=apart.astype(np.float32))
+    compared = template.compared + rate * (1.0 - template.compared)
+    told = np.clip(apart / (compared * (template.spread + NOISE_SPREAD)) - 0.5, LEAST_OWN, 1.5)
+    own = 1.0 + min(1.0, KNOWN * compared) * (told / told.max() - 1.0)
+    return replace(template, apart=apart.astype(np.float32), own=own.astype(np.float32), compared=compared)

@@ -24,7 +24,7 @@ from pipeline.tracking.follow import begin, follow
 from pipeline.tracking.followed import Fix, Followed
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.video import VideoHead, frames_of, interlaced, video_head, video_times
+from pipeline.tracking.video import VideoHead, frames_of, video_head, video_times
 
 LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
 PART_FRAMES = 4  # handed to the targets' threads at a time
@@ -105,11 +105,12 @@ class _Follower:
     def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
         self.boxes, self.settings, self.pool = boxes, settings, pool
         self.targets: dict[str, Followed] = {}
+        self.known: dict[str, Followed] = {}  # every target as it was when it ceased to be new
         self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
         self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
 
     def turn_round(self) -> None:
-        """From here on every target starts at its box again."""
+        """From here on every target starts at its box again, with what is known of it by now."""
         self.targets = {}
 
     def go_on(self, part: Sequence[Scene]) -> None:
@@ -142,11 +143,13 @@ class _Follower:
         target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
         for scene in part:
             if scene.frame == box.frame:
-                target, first = begin(scene.pixels, box, self.settings)
+                target, first = begin(scene.pixels, box, self.settings, self.known.get(name))
                 fixes.append(first)
             elif target is not None:
                 target, new = follow(target, scene, self.settings)
                 fixes += new
+                if not target.new and not target.hidden:
+                    self.known.setdefault(name, target)
                 if target.hidden and not target.gone:
                     self._looked[name].extend((scene.frame, *target.course.position_px, target.course.sigma_px))
         return target, fixes
@@ -155,11 +158,11 @@ class _Follower:
 def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
     times, missing = array("d"), 0
-    known_s, woven = video_times(path).frame_time_s, interlaced(path)
+    known_s, woven = video_times(path, head).frame_time_s, False
     notes: list[str] = []
     size = (0, 0)
     part: list[Scene] = []
-    found = ahead(scenes(frames_of(path, known_s, woven)), PART_FRAMES)
+    found = ahead(scenes(frames_of(path, known_s)), PART_FRAMES)
     for scene in found:
         now = scene.pixels.shape[1], scene.pixels.shape[0]
         size = size if times else now
@@ -167,6 +170,7 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
             notes.append(_size_note(scene.frame, now, size))
             break
         part.append(scene)
+        woven = scene.woven
         missing += scene.frame - len(times)
         times.extend(known_s[len(times) : scene.frame])
         times.append(scene.time_s)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, islice
 from pathlib import Path
 
 import cv2
@@ -31,11 +32,12 @@ JUDGED_FRAMES = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """One decoded frame: its number, its time from frame 0, its pixels (h, w, 3) BGR."""
+    """One decoded frame: its number, its time from frame 0, its pixels (h, w, 3) BGR; whether they were woven."""
 
     index: int
     time_s: float
     pixels: Image
+    woven: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,12 +49,14 @@ class VideoHead:
     frames: int
 
 
-def video_times(path: Path) -> VideoTimes:
+def video_times(path: Path, head: VideoHead | None = None) -> VideoTimes:
     """The times of every frame, from the container's packets: nothing is decoded.
+
+    head  of `video_head`, where it is known already
 
     Raises InputFileError where there is no video or no frame in it.
     """
-    head = video_head(path)  # of the upright picture; the packets know nothing of rotation
+    head = head or video_head(path)  # of the upright picture; the packets know nothing of rotation
     capture = opened(path, [cv2.CAP_PROP_FORMAT, -1])
     stamps = array("d", grabbed(capture, head))
     capture.release()
@@ -75,15 +79,23 @@ def video_head(path: Path) -> VideoHead:
     return head
 
 
-def frames_of(path: Path, frame_time_s: Floats | None = None, woven: bool | None = None) -> Iterator[Frame]:
+def frames_of(path: Path, frame_time_s: Floats | None = None) -> Iterator[Frame]:
     """Every frame that decodes, in order; a thread decodes ahead, memory is constant.
 
-    frame_time_s, woven  of `video_times` and `interlaced`, where they are known already
+    frame_time_s  of `video_times`, where it is known already
 
-    Raises InputFileError where there is no video or not a single frame.
+    Raises InputFileError where there is no video or not a single frame, or OpenCV leaves its pictures unconverted.
     """
     times = video_times(path).frame_time_s if frame_time_s is None else frame_time_s
-    yield from ahead(_decoded(path, times, interlaced(path) if woven is None else woven), AHEAD)
+    yield from ahead(_one_moment(_decoded(path, times), path), AHEAD)
+
+
+def _one_moment(frames: Iterator[Frame], path: Path) -> Iterator[Frame]:
+    """The frames, of which the first tell whether they are woven of two fields; then the upper field of each."""
+    first = list(islice(frames, JUDGED_FRAMES))
+    woven = _told_woven([frame.pixels for frame in first], path)
+    for frame in chain(first, frames):
+        yield replace(frame, pixels=upper_field(frame.pixels), woven=True) if woven else frame
 
 
 def first_stamp_s(path: Path) -> float:
@@ -98,7 +110,7 @@ def first_stamp_s(path: Path) -> float:
     return float(stamp)
 
 
-def _decoded(path: Path, times: Floats, woven: bool) -> Iterator[Frame]:
+def _decoded(path: Path, times: Floats) -> Iterator[Frame]:
     """Frames by their place among the container's times, so that one that does not decode leaves its number free."""
     capture = opened(path)
     try:
@@ -114,8 +126,7 @@ def _decoded(path: Path, times: Floats, woven: bool) -> Iterator[Frame]:
             if index >= 0 and time_s <= last:  # a container without times
                 time_s = last + 1.0 / rate
             index = _place(times, time_s, index + 1)
-            pixels = np.asarray(read[1], np.uint8)
-            yield Frame(index=index, time_s=time_s, pixels=upper_field(pixels) if woven else pixels)
+            yield Frame(index=index, time_s=time_s, pixels=np.asarray(read[1], np.uint8))
             last = time_s
     finally:
         capture.release()
@@ -158,14 +169,21 @@ def interlaced(path: Path) -> bool:
     Raises InputFileError where there is no video, or OpenCV leaves its pictures unconverted (as of interlaced H.264).
     """
     capture = opened(path)
-    frames = _head(capture, path).frames
     first = [np.asarray(read[1], np.uint8) for _ in range(JUDGED_FRAMES) if (read := capture.read())[0]]
+    capture.release()
+    return _told_woven(first, path)
+
+
+def _told_woven(first: list[Image], path: Path) -> bool:
+    """Whether the first pictures are woven; pictures that never change are not the video's."""
     if len(first) == JUDGED_FRAMES and all(np.array_equal(first[0], other) for other in first[1:]):
+        capture = opened(path)
+        frames, early = _head(capture, path).frames, capture.read()
         capture.set(cv2.CAP_PROP_POS_FRAMES, frames // 2)
         later = capture.read()
-        if frames > 2 * JUDGED_FRAMES and later[0] and np.array_equal(first[0], later[1]):
+        capture.release()
+        if frames > 2 * JUDGED_FRAMES and early[0] and later[0] and np.array_equal(early[1], later[1]):
             raise _unconverted(path)
-    capture.release()
     return is_woven(first)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -37,8 +38,10 @@ def panning(frames: int) -> list[np.ndarray]:
     return out
 
 
-def written(path: Path, frames: list[np.ndarray], codec: str = "MJPG", rate: float = 25.0) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, SIZE)
+def written(
+    path: Path, frames: Iterable[np.ndarray], codec: str = "MJPG", rate: float = 25.0, size: tuple[int, int] = SIZE
+) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, size)
     for frame in frames:
         writer.write(frame)
     writer.release()
@@ -103,6 +106,30 @@ def test_target_of_a_panning_video(tmp_path: Path) -> None:
     assert track.seen.all()
     assert np.abs(track.xy_px[:, 0] - true_x).max() < 0.3
     assert np.abs(track.xy_px[:, 1] - BOX.centre_px[1]).max() < 0.3
+
+
+@pytest.mark.parametrize("name", ["wrong.mp4", "wrong.txt", "none"])
+def test_a_wrong_extension_changes_nothing(tmp_path: Path, name: str) -> None:
+    right = written(tmp_path / "a.avi", panning(20))
+    wrong = tmp_path / name
+    wrong.write_bytes(right.read_bytes())
+    one, other = (track_video(path, camera="c", boxes={"t": BOX}).tracks[0] for path in (right, wrong))
+    np.testing.assert_array_equal(one.xy_px, other.xy_px)
+
+
+def test_target_in_4k(tmp_path: Path) -> None:
+    large = [cv2.resize(f, (3840, 2880), interpolation=cv2.INTER_CUBIC)[360:2520] for f in panning(5)]
+    path = tmp_path / "large.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (3840, 2160))
+    for picture in large:
+        writer.write(picture)
+    writer.release()
+    box = Box(frame=0, x=24 * 30, y=24 * 50 - 360, width=24 * 24, height=24 * 16)
+    found = track_video(path, camera="c", boxes={"t": box})
+    true_x = box.centre_px[0] + 24 * np.array([round(1.5 * f) for f in range(5)])
+    assert found.image_size == (3840, 2160)
+    assert found.tracks[0].seen.all()
+    assert np.abs(found.tracks[0].xy_px[:, 0] - true_x).max() < 2.0
 
 
 def test_truncated_video_gives_its_frames_and_a_note(tmp_path: Path) -> None:
