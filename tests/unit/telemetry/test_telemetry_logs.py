@@ -13,11 +13,13 @@ from pipeline.geometry import rotation
 from pipeline.telemetry import (
     Mount,
     camera_poses,
+    clocks,
     covered,
     event_times,
     first_position,
     log_sigma,
     log_span,
+    mavlink_fast,
     read_log,
     resolve_start,
     utc_at,
@@ -25,6 +27,7 @@ from pipeline.telemetry import (
 from pipeline.telemetry.dataflash import read_dataflash_text
 from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.flight_log import BODY, HEADING
+from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.mavlink_plain import dialect_module
 from tests.unit.telemetry.written_logs import (
     BOOT_UTC_S,
@@ -222,6 +225,33 @@ OWN_DIALECT = """<?xml version="1.0"?><mavlink><version>3</version><messages>
  <field type="float" name="pitchspeed">-</field><field type="float" name="yawspeed">-</field></message>
 <message id="41000" name="OWN_THING"><description>-</description>
  <field type="uint32_t" name="time_boot_ms">-</field></message></messages></mavlink>"""
+
+
+class TestLongLogs:
+    """What only very long logs reach, with its bounds brought down."""
+
+    def test_pieces_make_the_same_tables(self, flight, monkeypatch):
+        whole = read_mavlink_fast(flight.path)
+        monkeypatch.setattr(mavlink_fast, "CHUNK", 7)
+        monkeypatch.setattr(mavlink_fast, "SMALL_BYTES", 0)
+        pieces = read_mavlink_fast(flight.path)
+        assert dict(pieces.counts) == dict(whole.counts)
+        assert pieces.tables.keys() == whole.tables.keys()
+        for name, table in whole.tables.items():
+            same = pieces.tables[name]
+            for given in ("place", "record_time_s", "system", "component"):
+                np.testing.assert_array_equal(getattr(same, given), getattr(table, given))
+            for column in table.columns:
+                np.testing.assert_array_equal(same.columns[column], table.columns[column])
+
+    def test_a_part_of_the_readings_knows_the_clock_as_well(self, flight, monkeypatch):
+        monkeypatch.setattr(clocks, "MOST_READINGS", 20)
+        thin = read_log(flight.path)
+        assert thin.record_clock.epoch_s - flight.record_clock.other_s(thin.record_clock.log_epoch_s) == pytest.approx(
+            0.0, abs=1e-3
+        )
+        np.testing.assert_array_equal(thin.position.time_s, flight.position.time_s)
+        np.testing.assert_allclose(thin.utc.log_s(BOOT_UTC_S + 105.0), 105.0, atol=0.02)
 
 
 class TestDialect:
