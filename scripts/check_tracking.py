@@ -1,6 +1,6 @@
 """Tracks rendered scenes with known truth, ours and OpenCV's KCF as it comes side by side, and prints the table.
 
-usage: python scripts/check_tracking.py [--seeds 13001 13002 ...] [--keep FOLDER]
+usage: python scripts/check_tracking.py [--seeds 14001 14002 ...] [--keep FOLDER]
 
 The default seeds are ten scenes: each draws its own ground, cars of 10 to 50 px, speeds, blur, noise, one occlusion of
 5 to 25 frames per car, and is compressed by H.264 at one of two qualities. Nothing was tuned on them (7001 to 7010,

@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.arrays import Floats, Ints
 from pipeline.experiments.declare import Approach
-from pipeline.experiments.li_rounds import alternated, plainly, solve_li
+from pipeline.experiments.li_rounds import alternated, solve_li
 from pipeline.records import Motion, Problem, Solution, SolveStatus
 from pipeline.solver import dense, solve
 from pipeline.solver import map as statistical
@@ -98,7 +98,7 @@ def optimum(problem: Problem, frames: Frames, approach: Approach) -> tuple[Outco
     """Where the method ends, with its plain covariance, and the seconds that the solve took."""
     settings = approach.settings
     if settings.method == "li":
-        return (plainly if approach.plain else alternated)(problem, settings, frames)
+        return alternated(problem, settings, frames, plain=approach.plain)
     starts = candidates(problem, settings)
     dense.warm()
     began = time.perf_counter()

@@ -138,7 +138,11 @@ def _determined(problem: Problem, approach: Approach) -> bool:
 
 def fly(experiment: Experiment, cell: int, run: int, seed: int) -> Floats:
     """(approaches, measures) of one run; NaN where an approach has no answer or is left out."""
-    flight = flown(experiment, cell, run, seed)
+    return _measured(experiment, cell, flown(experiment, cell, run, seed))
+
+
+def _measured(experiment: Experiment, cell: int, flight: Flight) -> Floats:
+    """(approaches, measures) of one flight."""
     what = experiment.cells[cell]
     out = np.full((len(experiment.approaches), len(MEASURES)), np.nan)
     for i, approach in enumerate(experiment.approaches):
@@ -153,8 +157,8 @@ def fly_timed(experiment: Experiment, cell: int, runs: Sequence[int], seed: int)
 
     That is approach by approach, each through all flights with nothing else in between.
     """
-    out = np.stack([fly(experiment, cell, run, seed) for run in runs])
     flights = [flown(experiment, cell, run, seed) for run in runs]
+    out = np.stack([_measured(experiment, cell, flight) for flight in flights])
     frames = [flight.frames for flight in flights]
     for i, approach in enumerate(experiment.approaches):
         for j, flight in enumerate(flights):

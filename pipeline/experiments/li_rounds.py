@@ -29,12 +29,16 @@ def solve_li(problem: Problem, settings: SolverSettings, *, plain: bool = False)
 
     `plain`: the rounds by `li_plain`; only the record is then made by the solver, at the offsets found.
     """
-    found, seconds = (plainly if plain else alternated)(problem, settings, pack(problem))
+    found, seconds = alternated(problem, settings, pack(problem), plain=plain)
     return solution_of(problem, settings, found, seconds)
 
 
-def alternated(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Outcome, float]:
+def alternated(
+    problem: Problem, settings: SolverSettings, frames: Frames, *, plain: bool = False
+) -> tuple[Outcome, float]:
     """The same on packed sightings, without the record: where it ends, and the seconds it took."""
+    if plain:
+        return _plainly(problem, settings, frames)
     dense.warm()
     began = time.perf_counter()
     model, state = _begun(problem, settings, frames)
@@ -42,7 +46,7 @@ def alternated(problem: Problem, settings: SolverSettings, frames: Frames) -> tu
     return _outcome(fit, frames), time.perf_counter() - began
 
 
-def plainly(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Outcome, float]:
+def _plainly(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Outcome, float]:
     """The same by NumPy and SciPy."""
     model, state = _begun(problem, settings, frames)
     offsets = state.camera[:, OFFSET].copy()

@@ -12,7 +12,7 @@ from pipeline.telemetry.compiled import COMPILED
 from pipeline.telemetry.dataflash_chain import chain
 from pipeline.telemetry.dataflash_doubt import is_whole
 from pipeline.telemetry.dataflash_layout import Layout
-from pipeline.telemetry.mapped_file import Bytes
+from pipeline.telemetry.mapped_file import Bytes, taken
 from pipeline.telemetry.tables import Progress
 
 CAREFUL = 256
@@ -85,8 +85,7 @@ def _judged(
         layout, same = layouts[int(kinds[i])], of_kind[int(kinds[i])]
         middle = int(np.searchsorted(same, i))
         near = place[same[max(0, middle - NEAR) : middle + NEAR]]
-        windows = np.lib.stride_tricks.sliding_window_view(source, layout.length)[near]
-        around = windows.view(layout.dtype)[:, 0]
+        around = taken(source, near, layout.length).view(layout.dtype)
         at, resume = int(place[i]), int(resumed[i])
         believed[i] = is_whole(source, at, resume, layout, around)
         counts[kinds[i]] += believed[i]

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from calibration.arrays import Bools, Ints
+from pipeline.telemetry.mapped_file import taken
 
 V1, V2 = 0xFE, 0xFD
 AT, CORRUPT, LAST_US, PLACE, STRANGE = 0, 1, 2, 3, 4
@@ -45,7 +46,7 @@ def walk_packets(
     first = rows[:, 0] + np.where(source[rows[:, 0]] == V1, 3, 5)
     known[source[first].astype(np.int64) << 8 | source[first + 1]] = True
     if stamped and len(rows):
-        stamps = np.lib.stride_tricks.sliding_window_view(source, 8)[rows[:, 0] - 8].view(">u8")[:, 0]
+        stamps = taken(source, rows[:, 0] - 8, 8).view(">u8")
         rows[:, 3] = np.maximum(stamps.astype(np.int64), -1)
         told = np.flatnonzero(rows[:, 3] >= 0)
         state[LAST_US] = rows[told[-1], 3] if len(told) else state[LAST_US]
@@ -89,7 +90,7 @@ def _checked(source: Bytes, marker: Ints, total: Ints, extra: Ints) -> Bools:
     good = np.zeros(len(marker), dtype=np.bool_)
     for length in np.flatnonzero(np.bincount(covered)).tolist():
         which = np.flatnonzero(covered == length)
-        body = np.lib.stride_tricks.sliding_window_view(source, length + 2)[marker[which] + 1]
+        body = taken(source, marker[which] + 1, length + 2).view(np.uint8).reshape(-1, length + 2)
         sent = body[:, length] | body[:, length + 1].astype(np.uint16) << 8
         body[:, length] = extra[which]
         good[which] = _x25(body[:, : length + 1]) == sent

@@ -57,12 +57,10 @@ def difference_from_scene(target: Followed, found: Alignment, scene: Scene, leas
     return None if ground is None else np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
 
 
-def odds_against_scene(
-    target: Followed, found: Alignment, scene: Scene, least_px: float, covered: bool = False
-) -> float | None:
+def odds_against_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> tuple[float, float] | None:
     """How much worse the scene behind explains what was found than the target does (ratio of squared residuals).
 
-    covered  whether part of the target may be hidden: a pixel is then either the target's or, at a price, the scene's
+    Of the target whole, and partly covered: there a pixel is either the target's or, at a price, the scene's.
     None where the scene behind is not known, or not yet which pixels are the target's own.
     """
     if target.template.compared < TOLD_FROM:  # what else its box holds would speak against it
@@ -70,10 +68,11 @@ def odds_against_scene(
     difference = difference_from_scene(target, found, scene, least_px)
     if difference is None:
         return None
-    trust, explained = target.template.trust, found.residual
-    if covered:
-        explained = np.minimum(explained, difference + COVERED**2 * (target.template.spread + DOUBT))
-    return float((trust * difference).sum()) / max(1e-9, float((trust * explained).sum()))
+    trust, residual = target.template.trust, found.residual
+    covered = np.minimum(residual, difference + COVERED**2 * (target.template.spread + DOUBT))
+    scenes = float((trust * difference).sum())
+    whole, partly = (scenes / max(1e-9, float((trust * own).sum())) for own in (residual, covered))
+    return whole, partly
 
 
 def aligned(target: Followed, scene: Scene, start: Warp, looseness: float) -> Alignment:

@@ -33,16 +33,15 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
     seen = np.array([found.score, found.agreeing])
     if not target.hidden and np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - TO_LEARN)):
         return True
-    away_px = 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX
-    partly = odds_against_scene(target, found, scene, away_px, covered=True)
-    if partly is not None and partly < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
+    odds = odds_against_scene(target, found, scene, 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX)
+    whole, partly = odds or (1.0, math.inf)
+    if partly < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
         return False
-    odds = odds_against_scene(target, found, scene, away_px)
     least = np.maximum([least_score, LEAST_AGREEING], target.usual - slack * (NEW_SLACK if target.new else 1.0))
-    if odds is not None and odds > SURE_ODDS:
+    if whole > SURE_ODDS:
         near = _expected(target, found) and not target.pending
         if near:
-            least = np.minimum(least, VERY_SURE if odds > VERY_SURE_ODDS else SURE)
+            least = np.minimum(least, VERY_SURE if whole > VERY_SURE_ODDS else SURE)
         elif not target.hidden:
             least = np.minimum(least, target.usual - TO_RETURN_SURE)
     return bool(np.all(seen >= least))
@@ -69,5 +68,5 @@ def merit(target: Followed, found: Alignment, scene: Scene) -> float:
     """What speaks for one of several alignments: its look, its odds against the scene, its nearness."""
     odds = odds_against_scene(target, found, scene, LEAST_AWAY_PX)
     off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
-    told = 0.0 if odds is None else ODDS_MERIT * math.log(min(max(odds, 0.3), 10.0))
+    told = 0.0 if odds is None else ODDS_MERIT * math.log(min(max(odds[0], 0.3), 10.0))
     return found.score + told - AWAY_DEMERIT * (off / math.hypot(target.course.sigma_px, FIX_PX)) ** 2
