@@ -20,8 +20,10 @@ from pipeline.compiled import compiled, inlined
 from pipeline.solver._kernels import _sight, _turn, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2
-FIRST_DAMPING = 1e-4
-"""Relative. A step damped by no more than this is as good as the full one when it says that nothing is to gain."""
+FIRST_DAMPING, NEARLY_FULL = 1e-7, 1e-4
+"""Relative. Every iteration keeps a share of the error that grows with damping and condition (1e-4 costs some two more
+iterations); a step damped by no more than `NEARLY_FULL` is as good as the full one when it says that nothing is to
+gain."""
 OFFSET, SCALE, START, FOCAL, PARAMETERS = 7, 8, 9, 6, 10
 
 
@@ -181,9 +183,8 @@ def _with_priors(camera, mean, precision, order_camera, corner, right):  # type:
 
 
 @compiled
-def across(ray, seen):  # type: ignore[no-untyped-def]
-    """Twin of `layout.metric`'s gains (F, N, 2, 3): two unit rows across every ray, zero where unseen."""
-    out = np.zeros((ray.shape[0], ray.shape[1], 2, 3))
+def across(ray, seen, out):  # type: ignore[no-untyped-def]
+    """Twin of `layout.metric`'s gains, into `out` (F, N, 2, 3), all zero: two unit rows across every ray seen."""
     for f in range(ray.shape[0]):
         for n in range(ray.shape[1]):
             if not seen[f, n]:
@@ -200,7 +201,6 @@ def across(ray, seen):  # type: ignore[no-untyped-def]
             for k in range(3):
                 p, q = (k + 1) % 3, (k + 2) % 3
                 out[f, n, 1, k] = d[p] * one[q] - d[q] * one[p]
-    return out
 
 
 @compiled
@@ -231,23 +231,19 @@ def descend(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
     order_coefficient, order_camera, size, mean, precision, first_camera, first_coefficients, first_own, limit, small,
-    first_damping, history, rank,
+    first_damping, history, rank, kept, room,
 ):  # fmt: skip
     """Twin of `levenberg.levenberg_marquardt`: (status, iterations), the point, and the linear system there.
 
     place_gain (F, N) has no frames where there are no place errors.
     history (limit,) takes the better cost of every iteration. With `rank` above zero: instead one linear step of the
     motion alone (twin of `intersection._motion_step`), with the smallest pivot in place of the cost.
+    kept: room for what the elimination keeps of every frame; without chunks where no frame has an error of its own.
+    room (2, F, 6): where the frames' own errors are worked on and returned.
     """
     frames, blocks, targets = len(video_s), len(block_camera), len(first)
-    keep = no
-    for c in range(len(spread)):
-        for i in range(6):
-            keep = keep or spread[c, i] != 0.0
     placed = len(place_gain) > 0
-    wide = 6 * (3 * targets + 4 + (2 * targets if placed else 0)) + 27
-    many = 11 + (4 * targets if placed else 0)
-    kept, kept_there = np.empty((frames if keep else 0, wide)), np.empty((frames if keep else 0, wide))
+    keep, many = len(kept) > 0, 11 + (4 * targets if placed else 0)
     shift, u = np.zeros((len(place_gain), targets, 2)), np.zeros(frames)
     local = np.zeros((blocks, many, first_camera.shape[1]))
     u_there, local_there = u.copy(), local.copy()
@@ -255,7 +251,10 @@ def descend(  # type: ignore[no-untyped-def]
     series_there = series.copy()
     half = np.full(blocks, half_s)
     motion = _motion_places(order_coefficient, first, degree, powers)
-    camera, coefficients, own = first_camera.copy(), first_coefficients.copy(), first_own.copy()
+    camera, coefficients = first_camera.copy(), first_coefficients.copy()
+    own, own_there = room[0], room[1]
+    own[:] = first_own
+    own_there[:] = first_own
     camera_there, coefficients_there = camera.copy(), coefficients.copy()
     amount, step, upper = np.zeros(size), np.zeros(size), np.zeros((size, size))
     moved = np.zeros((blocks, len(motion) + many))
@@ -289,7 +288,7 @@ def descend(  # type: ignore[no-untyped-def]
             foretold = frame_gain
             for i in range(size):
                 foretold += 0.5 * step[i] * (amount[i] * step[i] - right[i])
-            if foretold <= small * cost and damping <= FIRST_DAMPING:
+            if foretold <= small * cost and damping <= NEARLY_FULL:
                 status, iteration = CONVERGED, count
                 break
             # --- the trial point
@@ -301,10 +300,11 @@ def descend(  # type: ignore[no-untyped-def]
                 for p in range(camera.shape[1]):
                     at = order_camera[c, p]
                     camera_there[c, p] = camera[c, p] + (step[at] if at >= 0 else 0.0)
-            own_there = own
             if keep:
                 _local_steps(step, motion, local, block_camera, order_camera, moved)
-                own_there = own + kept_steps(kept, seen, no, placed, begin, u, half, series, moved)
+                kept_steps(
+                    kept, no, placed, spread, begin, block_camera, u, half, series, moved, own, own_there
+                )
             _where(
                 video_s, frame_camera, camera_there, begin, block_camera, mid_s, half_s, share, share_per_s, u_there,
                 local_there,
@@ -314,17 +314,17 @@ def descend(  # type: ignore[no-untyped-def]
             normal, gradient, cost_there, gain_there = block_normals(
                 cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
                 series_there, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, shift, place_gain,
-                begin, block_camera, u_there, half, keep, kept_there,
+                begin, block_camera, u_there, half, keep, kept,
             )  # fmt: skip
             corner_there, right_there = _fold(normal, gradient, motion, local_there, block_camera, order_camera, size)
             cost_there += _with_priors(camera_there, mean, precision, order_camera, corner_there, right_there)
             ratio = (cost - cost_there) / max(foretold, 1e-300)
             if math.isfinite(cost_there) and ratio > 0.0:
                 done = abs(cost - cost_there) <= small * cost
-                cost, frame_gain, corner, right, own = cost_there, gain_there, corner_there, right_there, own_there
+                cost, frame_gain, corner, right = cost_there, gain_there, corner_there, right_there
+                own, own_there = own_there, own
                 camera, camera_there = camera_there, camera
                 coefficients, coefficients_there = coefficients_there, coefficients
-                kept, kept_there = kept_there, kept
                 series, series_there = series_there, series
                 u, u_there = u_there, u
                 local, local_there = local_there, local
@@ -338,6 +338,13 @@ def descend(  # type: ignore[no-untyped-def]
             if foretold <= small * cost:
                 status, iteration = CONVERGED, count
                 break
+            if keep:  # the trial has taken the room of what was kept here
+                _shifts(camera, frame_camera, place_gain, share, shift)
+                block_normals(
+                    cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
+                    series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, shift, place_gain, begin, block_camera,
+                    u, half, keep, kept,
+                )  # fmt: skip
         damping, growth = damping * growth, growth * 2
         if damping > 1e12:
             status, iteration = STALLED, count
@@ -386,7 +393,7 @@ def graduated(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
     order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, limit, small, first_damping,
-    history, stages, short, coarse, far,
+    history, stages, short, coarse, far, rank, kept, room,
 ):  # fmt: skip
     """Twin of `beginning.graduated_plain`: `descend` with the stages before it; history (stages short + limit,)."""
     done = 0
@@ -401,14 +408,14 @@ def graduated(  # type: ignore[no-untyped-def]
             cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, 1, late, video_s,
             frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
             order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, short, coarse,
-            first_damping, history[done:], 0.0,
+            first_damping, history[done:], 0.0, kept, room,
         )  # fmt: skip
         done += count
     status, count, camera, coefficients, own, corner, right, cost, frame_gain = descend(
         cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
         frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
         order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, max(1, limit - done), small,
-        first_damping, history[done:], 0.0,
+        first_damping, history[done:], rank, kept, room,
     )  # fmt: skip
     return status, done + count, camera, coefficients, own, corner, right, cost, frame_gain
 

@@ -428,6 +428,30 @@ def _spread_out(N, g, series, per_s, n_targets, powers):  # type: ignore[no-unty
 
 
 @compiled
+def lanes_of(begin):  # type: ignore[no-untyped-def]
+    """How many frames are done at once where blocks begin at `begin` (B + 1,)."""
+    longest = 1
+    for b in range(len(begin) - 1):
+        longest = max(longest, begin[b + 1] - begin[b])
+    return min(LANES, 4 * ((longest + 3) // 4))
+
+
+@inlined
+def _first_kept(n_targets, has_rate, placed):  # type: ignore[no-untyped-def]
+    """How many derivatives of residuals are kept, before L^-1 h and L."""
+    return 2 * n_targets * (8 if has_rate else 7) + (n_targets if placed else 0)
+
+
+@compiled
+def kept_shape(begin, n_targets, has_rate, placed):  # type: ignore[no-untyped-def]
+    """Shape of what `block_normals` keeps: chunks, rows, lanes."""
+    width, chunks = lanes_of(begin), 0
+    for b in range(len(begin) - 1):
+        chunks += (begin[b + 1] - begin[b] + width - 1) // width
+    return chunks, _first_kept(n_targets, has_rate, placed) + 27, width
+
+
+@compiled
 def block_normals(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, shift, place_gain, begin, camera, time_u, half_s, keep, kept,
@@ -435,8 +459,9 @@ def block_normals(  # type: ignore[no-untyped-def]
     """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
 
     shift (F, N, 2) and place_gain (F, N) of place errors; without frames where there are none.
-    With `keep` also what `kept_steps` needs of every frame, into `kept` (F, 6 nz + 27): W = L^-1 E, L^-1 h, the factor
-    L of H below its diagonal, and the inverse of its diagonal.
+    With `keep` also what `kept_steps` needs of every frame, into `kept` of `kept_shape`: the residuals' derivatives
+    by its pose, focal length and log time, and by place errors; L^-1 h, the inverse of the diagonal of L, the factor of
+    H, and L below it.
     """
     n_blocks, n_targets, powers = len(camera), seen.shape[1], series.shape[3]
     placed = len(shift) > 0
@@ -448,31 +473,22 @@ def block_normals(  # type: ignore[no-untyped-def]
     size = nx * powers + 11 + (4 * n_targets if placed else 0)
     column, wide = np.zeros(nz, np.int64), np.zeros(nz, np.int64)
     _columns(n_targets, powers, has_rate, placed, column, wide)
-    longest = 1
-    for b in range(n_blocks):
-        longest = max(longest, begin[b + 1] - begin[b])
-    width = min(LANES, 4 * ((longest + 3) // 4))
+    width = lanes_of(begin)
     normal = np.zeros((n_blocks, size, size))
     gradient = np.zeros((n_blocks, size))
-    JQ = np.zeros((2 * n_targets, 8, width))
-    R = np.zeros((2 * n_targets, width))
-    PG = np.zeros((n_targets, width))
-    DX = np.zeros((nx, 8, width))
-    DQ = np.zeros((8, 8, width))
-    gz = np.zeros((nz, width))
-    hq = np.zeros((6, width))
-    W = np.zeros((nz, 6, width))
-    wh = np.zeros((6, width))
-    H = np.zeros((6, 6, width))
-    inverse = np.zeros((6, width))
-    mine = np.zeros((6, width))
-    pw = np.zeros((nk, width))
-    m = np.zeros(width)
-    measured, turned, left, error = np.zeros((9, width)), np.zeros((9, width)), np.zeros((9, width)), mine.copy()
-    place, spin, rate_at, root = np.zeros((3, width)), np.zeros((3, width)), np.zeros((6, width)), np.zeros(width)
+    rows, first_kept = 2 * n_targets, _first_kept(n_targets, has_rate, placed)
+    R, DX, DQ = np.empty((rows, width)), np.empty((nx, 8, width)), np.empty((8, 8, width))
+    gz, hq, H, W = np.empty((nz, width)), np.empty((6, width)), np.empty((6, 6, width)), np.empty((nz, 6, width))
+    pw, m = np.empty((nk, width)), np.empty(width)
+    turned, left, error = np.empty((9, width)), np.empty((9, width)), np.empty((6, width))
+    spin, root, work = np.empty((3, width)), np.empty(width), np.empty((18, width))
+    # what lanes without a frame hold must be finite
+    measured, place, mine = np.zeros((9, width)), np.zeros((3, width)), np.zeros((6, width))
     gain_at, ray_at = np.zeros((n_targets, 6, width)), np.zeros((n_targets, 3, width))
-    shift_at, worth, work = np.zeros((n_targets, 2, width)), np.zeros((n_targets, width)), np.zeros((18, width))
-    moment = np.zeros(nk)
+    shift_at, worth, rate_at = np.zeros((n_targets, 2, width)), np.zeros((n_targets, width)), np.zeros((6, width))
+    own_store = np.empty((first_kept + 27, width))
+    chunk = -1
+    moment = np.empty(nk)
     cost = frame_gain = 0.0
     for b in range(n_blocks):
         c = camera[b]
@@ -484,6 +500,10 @@ def block_normals(  # type: ignore[no-untyped-def]
         N, g = normal[b], gradient[b]
         for low in range(begin[b], begin[b + 1], width):
             lanes = min(width, begin[b + 1] - low)
+            chunk += 1
+            store = kept[chunk] if keep else own_store
+            JQ, PG = store[: rows * nq].reshape(rows, nq, width), store[rows * nq :]
+            wh, inverse = store[first_kept:], store[first_kept + 6 :]
             # --- linearise; lanes without a frame have no gain
             if lanes < width:
                 gain_at[:, :, lanes:] = 0.0
@@ -581,8 +601,8 @@ def block_normals(  # type: ignore[no-untyped-def]
                 for lane in range(width):
                     gz[z, lane] = PG[row // 2, lane] * R[row, lane]
             # --- eliminate the frames' own errors
-            if still and keep:
-                kept[low : low + lanes, 6 * nz + 6] = 0.0
+            if still:
+                inverse[0] = 0.0
             if not still:
                 for i in range(6):
                     si = spread[c, i]
@@ -637,17 +657,9 @@ def block_normals(  # type: ignore[no-untyped-def]
                         for lane in range(width):
                             gz[z, lane] -= W[z, i, lane] * wh[i, lane]
                 if keep:
-                    for lane in range(lanes):
-                        row_kept = kept[low + lane]
-                        for z in range(nz):
-                            for i in range(6):
-                                row_kept[6 * z + i] = W[z, i, lane]
-                        at = 6 * nz
-                        for i in range(6):
-                            row_kept[at + i] = wh[i, lane]
-                            row_kept[at + 6 + i] = inverse[i, lane]
-                            for j in range(i):
-                                row_kept[at + 12 + (i * (i - 1)) // 2 + j] = H[i, j, lane]
+                    for i in range(6):
+                        for j in range(i):
+                            store[first_kept + 12 + (i * (i - 1)) // 2 + j] = H[i, j]
             # --- moments
             for z in range(nz):
                 at_z, wide_z = column[z], wide[z]
@@ -718,18 +730,16 @@ def block_normals(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def kept_steps(kept, seen, has_rate, placed, begin, time_u, half_s, series, step):  # type: ignore[no-untyped-def]
-    """The same as `frame_steps` from what `block_normals` kept: du = - L'^-1 (L^-1 h + W dz)."""
-    n_targets, powers = seen.shape[1], series.shape[3]
-    nx = 3 * n_targets
-    first_q = nx * powers
-    nz = nx + (5 if has_rate else 4) + (2 * n_targets if placed else 0)
-    at = 6 * nz
-    column, wide = np.zeros(nz, np.int64), np.zeros(nz, np.int64)
-    _columns(n_targets, powers, has_rate, placed, column, wide)
-    out = np.zeros((len(kept), 6))
-    right = np.zeros(6)
+def kept_steps(  # type: ignore[no-untyped-def]
+    kept, has_rate, placed, spread, begin, camera, time_u, half_s, series, step, own, out
+):
+    """`own` + du into `out`: du as `frame_steps`, from what `block_normals` kept: - L'^-1 (L^-1 h + L^-1 E dz)."""
+    n_targets, powers = series.shape[1], series.shape[3]
+    first_q, nq, at = 3 * n_targets * powers, 8 if has_rate else 7, _first_kept(n_targets, has_rate, placed)
+    width = kept.shape[2]
+    right, dx, s, u = np.empty((6, width)), np.empty((3, width)), np.empty(width), np.zeros(width)
     d = np.zeros(step.shape[1])
+    chunk = -1
     for b in range(len(begin) - 1):
         given, per_s = step[b], 1.0 / half_s[b]
         d[:] = given
@@ -741,26 +751,64 @@ def kept_steps(kept, seen, has_rate, placed, begin, time_u, half_s, series, step
                     speed = per_s * k * series[b, n, i, k]
                     d[row + k - 1] += speed * given[first_q + 7]
                     d[row + k] += speed * given[first_q + 8]
-        for f in range(begin[b], begin[b + 1]):
-            row_kept = kept[f]
-            if row_kept[at + 6] == 0.0:
+        for low in range(begin[b], begin[b + 1], width):
+            chunk += 1
+            store, lanes = kept[chunk], min(width, begin[b + 1] - low)
+            if store[at + 6, 0] == 0.0:
+                out[low : low + lanes] = own[low : low + lanes]
                 continue
-            u = time_u[f]
+            for lane in range(lanes):
+                u[lane] = time_u[low + lane]
             for i in range(6):
-                right[i] = row_kept[at + i]
-            for z in range(nz):
-                top = column[z] + wide[z] - 1
-                dz = d[top]
-                for k in range(1, wide[z]):
-                    dz = dz * u + d[top - k]
-                for i in range(6):
-                    right[i] += row_kept[6 * z + i] * dz
+                for lane in range(width):
+                    right[i, lane] = 0.0
+            for n in range(n_targets):
+                for i in range(3):
+                    row = (3 * n + i) * powers
+                    for lane in range(width):
+                        dx[i, lane] = d[row + powers - 1]
+                    for k in range(powers - 2, -1, -1):
+                        for lane in range(width):
+                            dx[i, lane] = dx[i, lane] * u[lane] + d[row + k]
+                for row in range(2 * n, 2 * n + 2):
+                    J = store[row * nq : row * nq + nq]
+                    for lane in range(width):
+                        s[lane] = (
+                            J[0, lane] * d[first_q] + J[1, lane] * d[first_q + 1] + J[2, lane] * d[first_q + 2]
+                            + J[6, lane] * d[first_q + 6]
+                            - J[3, lane] * dx[0, lane] - J[4, lane] * dx[1, lane] - J[5, lane] * dx[2, lane]
+                        )  # fmt: skip
+                    if has_rate:
+                        for lane in range(width):
+                            s[lane] += J[7, lane] * (d[first_q + 9] + u[lane] * d[first_q + 10])
+                    if placed:
+                        k = first_q + 11 + 2 * row
+                        for lane in range(width):
+                            s[lane] += store[2 * n_targets * nq + n, lane] * (d[k] + u[lane] * d[k + 1])
+                    for i in range(6):
+                        for lane in range(width):
+                            right[i, lane] += J[i, lane] * s[lane]
+            for i in range(6):
+                si = spread[camera[b], i]
+                for lane in range(width):
+                    right[i, lane] *= si
+                for k in range(i):
+                    for lane in range(width):
+                        right[i, lane] -= store[at + 12 + (i * (i - 1)) // 2 + k, lane] * right[k, lane]
+                for lane in range(width):
+                    right[i, lane] *= store[at + 6 + i, lane]
+            for i in range(6):
+                for lane in range(width):
+                    right[i, lane] += store[at + i, lane]
             for i in range(5, -1, -1):
                 for k in range(i + 1, 6):
-                    right[i] -= row_kept[at + 12 + (k * (k - 1)) // 2 + i] * right[k]
-                right[i] *= row_kept[at + 6 + i]
-                out[f, i] = -right[i]
-    return out
+                    for lane in range(width):
+                        right[i, lane] -= store[at + 12 + (k * (k - 1)) // 2 + i, lane] * right[k, lane]
+                for lane in range(width):
+                    right[i, lane] *= store[at + 6 + i, lane]
+            for lane in range(lanes):
+                for i in range(6):
+                    out[low + lane, i] = own[low + lane, i] - right[i, lane]
 
 
 @compiled
@@ -944,10 +992,10 @@ def warm() -> None:
         eye, f((1, 3)), f((1, 6)), False, ray, gain, seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
         f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)),
     )  # fmt: skip
-    where, kept = (begin, i, f(1), np.ones(1)), f((1, 6 * 7 + 27))
+    where, kept = (begin, i, f(1), np.ones(1)), f(kept_shape(begin, 1, False, False))
     normal, gradient, _, _ = block_normals(*given, f((0, 1, 2)), f((0, 1)), *where, True, kept)
     frame_steps(*given, *where, gradient)
-    kept_steps(kept, seen, False, False, begin, f(1), np.ones(1), f((1, 1, 3, 1)), gradient)
+    kept_steps(kept, False, False, f((1, 6)), *where, f((1, 1, 3, 1)), gradient, f((1, 6)), f((1, 6)))
     places = np.full((1, 15), -1)
     assemble(normal, gradient, np.ones((1, 1, 1, 1)), i, i, f((1, 11, 12)), places, 0, 0, 0)
     warm.done = True  # type: ignore[attr-defined]

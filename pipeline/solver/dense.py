@@ -11,7 +11,7 @@ import numpy as np
 from calibration.arrays import Floats, Ints
 from pipeline.solver import _descent, _kernels
 from pipeline.solver.blocks import share_per_second, shortened
-from pipeline.solver.elimination import Loss, PoseError
+from pipeline.solver.elimination import Loss, PoseError, kept_room
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.timing import CAMERA_PARAMETERS
@@ -30,6 +30,9 @@ class Stages:
     far: float
 
 
+COMPILED: Callable[..., tuple[Any, ...]] = _descent.graduated
+"""The one way in, so that all of it is compiled once."""
+ANY = 1 << 62
 STATUS = {_descent.CONVERGED: "converged", _descent.LIMIT: "iteration-limit", _descent.STALLED: "stalled"}
 
 
@@ -43,7 +46,7 @@ def is_dense(model: Model) -> bool:
 def _scene(model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Loss) -> tuple[Any, ...]:
     """What is seen, when and how well, as the compiled code wants it."""
     frames = model.frames
-    placed = angular and model.priors.camera_mean.shape[1] > CAMERA_PARAMETERS
+    placed = angular and _is_placed(model)
     per_s = share_per_second(frames) if placed else np.zeros(len(frames.cameras))
     begin, low, high = shortened(frames.first), float(model.basis.grid_s[0]), float(model.basis.grid_s[1])
     return (
@@ -52,6 +55,11 @@ def _scene(model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Los
         frames.place_gain if placed else frames.place_gain[:0], frames.place_share, per_s, begin,
         frames.camera[begin[:-1]], 0.5 * (low + high), 0.5 * (high - low),
     )  # fmt: skip
+
+
+def _is_placed(model: Model) -> bool:
+    """Whether tracked points may sit elsewhere on their targets."""
+    return model.frames.angular and model.priors.camera_mean.shape[1] > CAMERA_PARAMETERS
 
 
 def _unknowns(model: Model) -> tuple[Any, ...]:
@@ -64,24 +72,34 @@ def _unknowns(model: Model) -> tuple[Any, ...]:
 NO_RATE = np.zeros((1, 6))
 
 
+ONE_STAGE = Stages(count=0, short=1, coarse=1.0, far=1.0)
+
+
 def descend(model: Model, start: State, limit: int, small: float, first_damping: float) -> tuple[Any, ...]:
     """(status, iterations, state, corner, gradient, cost, frame gain, cost after each iteration)."""
-    compiled: Callable[..., tuple[Any, ...]] = _descent.descend
-    history = np.zeros(limit)
-    return _ended(
-        compiled(*_from(model, start), limit, float(small), float(first_damping), history, 0.0), start, history
-    )
+    return graduated(model, start, limit, small, first_damping, ONE_STAGE)
 
 
 def graduated(
     model: Model, start: State, limit: int, small: float, first_damping: float, stages: Stages
 ) -> tuple[Any, ...]:
     """The same, through stages in which the loss bends late: see `beginning.graduated`."""
-    compiled: Callable[..., tuple[Any, ...]] = _descent.graduated
+    frames = model.frames
     history = np.zeros(limit + stages.count * stages.short)
     given = (*_from(model, start), limit, float(small), float(first_damping), history)
-    found = compiled(*given, stages.count, stages.short, float(stages.coarse), float(stages.far))
-    return _ended(found, start, history)
+    kept = kept_room(frames, shortened(frames.first), _is_placed(model), ANY if model.pose.free else 0)
+    status, iterations, camera, coefficients, own, corner, right, cost, gain = COMPILED(
+        *given,
+        stages.count,
+        stages.short,
+        float(stages.coarse),
+        float(stages.far),
+        0.0,
+        kept,
+        np.empty((2, frames.count, 6)),
+    )
+    state = State(coefficients=coefficients, camera=camera, deviation=start.deviation, own=own)
+    return STATUS[status], iterations, state, corner, right, cost, gain, history[:iterations]
 
 
 def _from(model: Model, start: State) -> tuple[Any, ...]:
@@ -93,26 +111,23 @@ def _from(model: Model, start: State) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def _ended(found: tuple[Any, ...], start: State, history: Floats) -> tuple[Any, ...]:
-    status, iterations, camera, coefficients, own, corner, right, cost, gain = found
-    state = State(coefficients=coefficients, camera=camera, deviation=start.deviation, own=own)
-    return STATUS[status], iterations, state, corner, right, cost, gain, history[:iterations]
-
-
 def motion_step(model: Model, state: State, frames: Frames, rank: float) -> tuple[Floats, float]:
     """The motion (P, 3) one linear step on, with the linear residuals of `frames`; and the smallest pivot.
 
     `model` has all coefficients free. Pivot -1: a coefficient touches no sight ray; 0: singular.
     """
-    across: Callable[..., Floats] = _descent.across
-    compiled: Callable[..., tuple[Any, ...]] = _descent.descend
-    gain = frames.gain if not frames.angular else across(frames.ray, frames.seen)
+    across: Callable[..., None] = _descent.across
+    gain, room = frames.gain, np.zeros((2, frames.count, 6))
+    if frames.angular:
+        gain = np.zeros(frames.gain.shape)
+        across(frames.ray, frames.seen, gain)
     held = PoseError(spread=np.zeros((len(state.camera), 6)), prior=np.zeros((len(state.camera), 6)))
     nothing = np.zeros(state.camera.shape)
-    found = compiled(
+    found = COMPILED(
         *_scene(model, gain, False, held, Loss()), *_unknowns(model), np.full(state.camera.shape, -1),
-        3 * len(state.coefficients), nothing, nothing, state.camera, state.coefficients, np.zeros((frames.count, 6)),
-        1, 0.0, 0.0, np.zeros(1), rank,
+        3 * len(state.coefficients), nothing, nothing, state.camera, state.coefficients, room[0],
+        1, 0.0, 0.0, np.zeros(1), 0, 1, 1.0, 1.0, rank, kept_room(frames, frames.first, False, 0),
+        room,
     )  # fmt: skip
     return found[3], float(found[7])
 
@@ -125,16 +140,16 @@ def warm() -> None:
     i, f, eye = np.zeros(1, np.int64), np.zeros, np.eye(3)[None]
     begin, seen = np.array([0, 1]), np.ones((1, 1), dtype=bool)
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
-    calls: tuple[Callable[..., Any], ...] = (_descent.across, _descent.descend, _descent.graduated)
+    across: Callable[..., Any] = _descent.across
     scene = (
         eye, f((1, 3)), NO_RATE, ray, gain, seen, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0, f(1), i,
         f((0, 1)), f(1), f(1), begin, i, 0.0, 1.0,
     )  # fmt: skip
     unknowns = (i, i, 1, np.arange(3)[None], np.full((1, 10), -1), 3, f((1, 10)), f((1, 10)))
     start = (f((1, 10)), f((1, 3)), f((1, 6)), 1, 1e-9, 1e-4)
-    calls[0](ray, seen)
-    calls[1](*scene, *unknowns, *start, f(1), 0.0)
-    calls[2](*scene, *unknowns, *start, f(3), 1, 1, 1e-2, 2.5)
+    across(ray, seen, f(gain.shape))
+    kept = f(_kernels.kept_shape(begin, 1, False, False))
+    COMPILED(*scene, *unknowns, *start, f(3), 1, 1, 1e-2, 2.5, 0.0, kept, f((2, 1, 6)))
     warm.done = True  # type: ignore[attr-defined]
 
 

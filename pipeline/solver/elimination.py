@@ -239,17 +239,18 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
     if not _kernels.AVAILABLE:
         return block_normals_plain(frames, pose, loss, at, blocks)
     compiled: Callable[..., Any] = _kernels.block_normals
-    per_frame = _kept_per_frame(len(frames.targets), frames.pose_rate is not None, at.placed)
-    keep = pose.free and frames.count * per_frame <= KEPT_NUMBERS
-    kept = np.empty((frames.count if keep else 0, per_frame))
+    kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free else 0)
+    keep = len(kept) > 0
     given, where = _kernel_arguments(frames, pose, loss, at, blocks)
     normal, gradient, cost, gain = compiled(*given, *_place_arguments(frames, at), *where, keep, kept)
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
 
 
-def _kept_per_frame(targets: int, rated: bool, placed: bool) -> int:
-    """Numbers that `block_normals` keeps of every frame: see `_kernels.block_normals`."""
-    return 6 * (3 * targets + (5 if rated else 4) + (2 * targets if placed else 0)) + 27
+def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
+    """Room for what the compiled elimination keeps of every frame; none where it takes more than `most` numbers."""
+    of: Callable[..., tuple[int, int, int]] = _kernels.kept_shape
+    chunks, rows, lanes = of(begin, len(frames.targets), frames.pose_rate is not None, placed)
+    return np.empty((chunks if chunks * rows * lanes <= most else 0, rows, lanes))
 
 
 def frame_steps(
@@ -262,9 +263,11 @@ def frame_steps(
     if not _kernels.AVAILABLE or (placed and kept is None):
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
     if kept is not None:
-        quick: Callable[..., Floats] = _kernels.kept_steps
-        rated = frames.pose_rate is not None
-        return quick(kept, frames.seen, rated, placed, blocks.begin, blocks.u, blocks.half_s, at.series, step)
+        quick: Callable[..., None] = _kernels.kept_steps
+        rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
+        where = (blocks.begin, blocks.camera, blocks.u, blocks.half_s)
+        quick(kept, rated, placed, pose.spread, *where, at.series, step, out, out)
+        return out
     compiled: Callable[..., Floats] = _kernels.frame_steps
     given, where = _kernel_arguments(frames, pose, loss, at, blocks)
     return compiled(*given, *where, step)

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.records import SolveStatus
 from pipeline.solver import dense
-from pipeline.solver._descent import FIRST_DAMPING
+from pipeline.solver._descent import FIRST_DAMPING, NEARLY_FULL
 from pipeline.solver.assembly import Linear, linear, moved
 from pipeline.solver.bordered import Bordered, factorise
 from pipeline.solver.dense import is_dense
@@ -96,7 +96,7 @@ def levenberg_marquardt_plain(model: Model, start: State, descent: Descent = Des
         if factor is not None:
             step = -factor.solve(here.system.gradient)
             foretold = 0.5 * float(step @ (damping * diagonal * step - here.system.gradient)) + here.frame_gain
-            if foretold <= small * here.cost and damping <= FIRST_DAMPING:
+            if foretold <= small * here.cost and damping <= NEARLY_FULL:
                 return Fit(model=model, linear=here, status="converged", iterations=iteration)
             trial_model, trial = model, moved(model, here, step)
             if renew is not None:

@@ -86,7 +86,7 @@ def test_warming_up_compiles_what_a_descent_uses():
     dense.warm()
     from pipeline.solver import _descent
 
-    before = len(_descent.descend.signatures)
+    before = len(_descent.graduated.signatures)
     model, state = begun("map")
     levenberg.levenberg_marquardt(model, intersection.intersect(model, state))
-    assert len(_descent.descend.signatures) == before
+    assert len(_descent.graduated.signatures) == before
