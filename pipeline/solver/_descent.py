@@ -182,47 +182,124 @@ def _with_priors(camera, mean, precision, order_camera, corner, right):  # type:
     return cost
 
 
+@inlined
+def _squares(rows, out):  # type: ignore[no-untyped-def]
+    """rows' rows of (n, 3) into `out` (6,): xx, yy, zz, xy, xz, yz."""
+    out[:] = 0.0
+    for r in range(len(rows)):
+        x, y, z = rows[r, 0], rows[r, 1], rows[r, 2]
+        out[0] += x * x
+        out[1] += y * y
+        out[2] += z * z
+        out[3] += x * y
+        out[4] += x * z
+        out[5] += y * z
+
+
 @compiled
-def across(ray, seen, out):  # type: ignore[no-untyped-def]
-    """Twin of `layout.metric`'s gains, into `out` (F, N, 2, 3), all zero: two unit rows across every ray seen."""
-    for f in range(ray.shape[0]):
-        for n in range(ray.shape[1]):
+def motion_alone(  # type: ignore[no-untyped-def]
+    cam_from_enu,
+    position,
+    ray,
+    gain,
+    seen,
+    angular,
+    video_s,
+    frame_camera,
+    mid_s,
+    half_s,
+    first,
+    degree,
+    camera,
+    rank,
+    coefficients,
+):
+    """Twin of `intersection._motion_step`, where every target has its own equations: `coefficients` (P, 3) and a pivot.
+
+    A sighting's share is the square of V (X - C): V'V is I - d d', d the ray in axes of the map, or what the gains say.
+    Pivot: the smallest, relative to the diagonal; -1 where a coefficient is touched by nothing, 0 where singular.
+    """
+    targets, powers = len(first), degree.max() + 1
+    moment, vector = np.zeros((targets, 2 * powers - 1, 6)), np.zeros((targets, powers, 3))
+    error, turned, left, whole = np.zeros(6), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(6)
+    square, place, pulled, lines = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros((2, 3))
+    for f in range(len(video_s)):
+        c = frame_camera[f]
+        u = (video_s[f] * (1.0 + camera[c, SCALE]) + camera[c, OFFSET] - mid_s) / half_s
+        for i in range(6):
+            error[i] = camera[c, i]
+        for i in range(3):
+            place[i] = position[f, i] + error[3 + i]
+        if error[0] == 0.0 and error[1] == 0.0 and error[2] == 0.0:
+            turned[:] = cam_from_enu[f]
+        else:
+            _turn(error, cam_from_enu[f], turned, left)
+        stretch = math.exp(camera[c, FOCAL])
+        for i in range(3):
+            turned[0, i] *= stretch
+            turned[1, i] *= stretch
+        _squares(turned, whole)
+        for n in range(targets):
             if not seen[f, n]:
                 continue
-            d = ray[f, n]
-            least = 0
-            for i in range(1, 3):
-                if abs(d[i]) < abs(d[least]):
-                    least = i
-            i, j = (least + 1) % 3, (least + 2) % 3
-            length = math.sqrt(d[i] * d[i] + d[j] * d[j])
-            one = out[f, n, 0]
-            one[i], one[j] = d[j] / length, -d[i] / length
-            for k in range(3):
-                p, q = (k + 1) % 3, (k + 2) % 3
-                out[f, n, 1, k] = d[p] * one[q] - d[q] * one[p]
+            if angular:
+                for i in range(3):
+                    lines[0, i] = (
+                        ray[f, n, 0] * turned[0, i] + ray[f, n, 1] * turned[1, i] + ray[f, n, 2] * turned[2, i]
+                    )
+                _squares(lines[:1], square)
+                for i in range(6):
+                    square[i] = whole[i] - square[i]
+            else:
+                for row in range(2):
+                    g = gain[f, n, row]
+                    for i in range(3):
+                        lines[row, i] = g[0] * turned[0, i] + g[1] * turned[1, i] + g[2] * turned[2, i]
+                _squares(lines, square)
+            pulled[0] = square[0] * place[0] + square[3] * place[1] + square[4] * place[2]
+            pulled[1] = square[3] * place[0] + square[1] * place[1] + square[5] * place[2]
+            pulled[2] = square[4] * place[0] + square[5] * place[1] + square[2] * place[2]
+            power = 1.0
+            for k in range(2 * degree[n] + 1):
+                for i in range(6):
+                    moment[n, k, i] += power * square[i]
+                if k <= degree[n]:
+                    for i in range(3):
+                        vector[n, k, i] += power * pulled[i]
+                power *= u
+    smallest = np.inf
+    for n in range(targets):
+        smallest = min(smallest, _own_motion(moment[n], vector[n], degree[n] + 1, rank, coefficients[first[n] :]))
+        if not smallest > 0.0:
+            return smallest
+    return smallest
 
 
 @compiled
-def _motion_step(corner, right, order_coefficient, rank, upper, step, coefficients):  # type: ignore[no-untyped-def]
-    """Moves `coefficients` to the solution; returns the smallest pivot, -1 where one is touched by nothing."""
-    size = len(right)
-    scale = np.zeros(size)
-    for i in range(size):
-        if not corner[i, i] > 0.0:
-            return -1.0
-        scale[i] = 1.0 / math.sqrt(corner[i, i])
-    for i in range(size):
-        right[i] *= scale[i]
-        for j in range(i + 1):
-            corner[i, j] *= scale[i] * scale[j]
+def _own_motion(moment, vector, powers, rank, out):  # type: ignore[no-untyped-def]
+    """Coefficients `out` (powers, 3) of one target from its moments (2 powers - 1, 6); the smallest pivot."""
+    size = 3 * powers
+    corner, upper, scale = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    right, step = np.zeros(size), np.zeros(size)
+    for k in range(powers):
+        for i in range(3):
+            if not moment[2 * k, i] > 0.0:
+                return -1.0
+            scale[3 * k + i] = 1.0 / math.sqrt(moment[2 * k, i])
+            right[3 * k + i] = -scale[3 * k + i] * vector[k, i]
+    for k in range(powers):
+        for l in range(powers):  # noqa: E741
+            m = moment[k + l]
+            for i in range(3):
+                for j in range(3):
+                    value = m[i] if i == j else m[i + j + 2]
+                    corner[3 * k + i, 3 * l + j] = value * scale[3 * k + i] * scale[3 * l + j]
     pivot = _factor(corner, np.full(size, rank), upper)
     if pivot > 0.0:
         _solved(upper, right, step)
-        for i in range(len(coefficients)):
-            for axis in range(3):
-                at = order_coefficient[i, axis]
-                coefficients[i, axis] += scale[at] * step[at]
+        for k in range(powers):
+            for i in range(3):
+                out[k, i] = scale[3 * k + i] * step[3 * k + i]
     return pivot
 
 
@@ -231,15 +308,13 @@ def descend(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
     order_coefficient, order_camera, size, mean, precision, first_camera, first_coefficients, first_own, limit, small,
-    first_damping, history, rank, kept, room,
+    first_damping, history, kept,
 ):  # fmt: skip
     """Twin of `levenberg.levenberg_marquardt`: (status, iterations), the point, and the linear system there.
 
     place_gain (F, N) has no frames where there are no place errors.
-    history (limit,) takes the better cost of every iteration. With `rank` above zero: instead one linear step of the
-    motion alone (twin of `intersection._motion_step`), with the smallest pivot in place of the cost.
+    history (limit,) takes the better cost of every iteration.
     kept: room for what the elimination keeps of every frame; without chunks where no frame has an error of its own.
-    room (2, F, 6): where the frames' own errors are worked on and returned.
     """
     frames, blocks, targets = len(video_s), len(block_camera), len(first)
     placed = len(place_gain) > 0
@@ -252,9 +327,7 @@ def descend(  # type: ignore[no-untyped-def]
     half = np.full(blocks, half_s)
     motion = _motion_places(order_coefficient, first, degree, powers)
     camera, coefficients = first_camera.copy(), first_coefficients.copy()
-    own, own_there = room[0], room[1]
-    own[:] = first_own
-    own_there[:] = first_own
+    own, own_there = first_own.copy(), first_own.copy()
     camera_there, coefficients_there = camera.copy(), coefficients.copy()
     amount, step, upper = np.zeros(size), np.zeros(size), np.zeros((size, size))
     moved = np.zeros((blocks, len(motion) + many))
@@ -272,9 +345,6 @@ def descend(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     corner, right = _fold(normal, gradient, motion, local, block_camera, order_camera, size)
     cost += _with_priors(camera, mean, precision, order_camera, corner, right)
-    if rank > 0.0:
-        pivot = _motion_step(corner, right, order_coefficient, rank, upper, step, coefficients)
-        return CONVERGED, 1, camera, coefficients, own, corner, right, pivot, 0.0
     status, iteration = LIMIT, limit
     for count in range(1, limit + 1):
         greatest = 0.0
@@ -302,9 +372,7 @@ def descend(  # type: ignore[no-untyped-def]
                     camera_there[c, p] = camera[c, p] + (step[at] if at >= 0 else 0.0)
             if keep:
                 _local_steps(step, motion, local, block_camera, order_camera, moved)
-                kept_steps(
-                    kept, no, placed, spread, begin, block_camera, u, half, series, moved, own, own_there
-                )
+                kept_steps(kept, no, placed, spread, begin, block_camera, u, half, series, moved, own, own_there)
             _where(
                 video_s, frame_camera, camera_there, begin, block_camera, mid_s, half_s, share, share_per_s, u_there,
                 local_there,
@@ -393,7 +461,7 @@ def graduated(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
     order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, limit, small, first_damping,
-    history, stages, short, coarse, far, rank, kept, room,
+    history, stages, short, coarse, far, kept,
 ):  # fmt: skip
     """Twin of `beginning.graduated_plain`: `descend` with the stages before it; history (stages short + limit,)."""
     done = 0
@@ -408,14 +476,14 @@ def graduated(  # type: ignore[no-untyped-def]
             cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, 1, late, video_s,
             frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
             order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, short, coarse,
-            first_damping, history[done:], 0.0, kept, room,
+            first_damping, history[done:], kept,
         )  # fmt: skip
         done += count
     status, count, camera, coefficients, own, corner, right, cost, frame_gain = descend(
         cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
         frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
         order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, max(1, limit - done), small,
-        first_damping, history[done:], rank, kept, room,
+        first_damping, history[done:], kept,
     )  # fmt: skip
     return status, done + count, camera, coefficients, own, corner, right, cost, frame_gain
 

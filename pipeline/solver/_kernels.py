@@ -452,6 +452,12 @@ def kept_shape(begin, n_targets, has_rate, placed):  # type: ignore[no-untyped-d
 
 
 @compiled
+def room(chunks, rows, lanes):  # type: ignore[no-untyped-def]
+    """Memory as the system gives it."""
+    return np.empty((chunks, rows, lanes))
+
+
+@compiled
 def block_normals(  # type: ignore[no-untyped-def]
     cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, shift, place_gain, begin, camera, time_u, half_s, keep, kept,
@@ -992,7 +998,7 @@ def warm() -> None:
         eye, f((1, 3)), f((1, 6)), False, ray, gain, seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
         f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)),
     )  # fmt: skip
-    where, kept = (begin, i, f(1), np.ones(1)), f(kept_shape(begin, 1, False, False))
+    where, kept = (begin, i, f(1), np.ones(1)), room(*kept_shape(begin, 1, False, False))
     normal, gradient, _, _ = block_normals(*given, f((0, 1, 2)), f((0, 1)), *where, True, kept)
     frame_steps(*given, *where, gradient)
     kept_steps(kept, False, False, f((1, 6)), *where, f((1, 1, 3, 1)), gradient, f((1, 6)), f((1, 6)))

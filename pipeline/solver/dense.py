@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.arrays import Floats
 from pipeline.solver import _descent, _kernels
 from pipeline.solver.blocks import share_per_second, shortened
-from pipeline.solver.elimination import Loss, PoseError, kept_room
+from pipeline.solver.elimination import kept_room
 from pipeline.solver.layout import Frames
 from pipeline.solver.model import Model, State
 from pipeline.solver.timing import CAMERA_PARAMETERS
@@ -43,15 +43,15 @@ def is_dense(model: Model) -> bool:
     return bool(_kernels.AVAILABLE and one_span and held)
 
 
-def _scene(model: Model, gain: Floats, angular: bool, pose: PoseError, loss: Loss) -> tuple[Any, ...]:
+def _scene(model: Model) -> tuple[Any, ...]:
     """What is seen, when and how well, as the compiled code wants it."""
-    frames = model.frames
-    placed = angular and _is_placed(model)
+    frames, pose, loss = model.frames, model.pose, model.loss
+    placed = _is_placed(model)
     per_s = share_per_second(frames) if placed else np.zeros(len(frames.cameras))
     begin, low, high = shortened(frames.first), float(model.basis.grid_s[0]), float(model.basis.grid_s[1])
     return (
-        frames.cam_from_enu, frames.position_m, NO_RATE, frames.ray, gain, frames.seen, False, angular, pose.spread,
-        pose.prior, float(pose.damping), loss.kind, float(loss.bend), frames.video_s, frames.camera,
+        frames.cam_from_enu, frames.position_m, NO_RATE, frames.ray, frames.gain, frames.seen, False, frames.angular,
+        pose.spread, pose.prior, float(pose.damping), loss.kind, float(loss.bend), frames.video_s, frames.camera,
         frames.place_gain if placed else frames.place_gain[:0], frames.place_share, per_s, begin,
         frames.camera[begin[:-1]], 0.5 * (low + high), 0.5 * (high - low),
     )  # fmt: skip
@@ -62,16 +62,7 @@ def _is_placed(model: Model) -> bool:
     return model.frames.angular and model.priors.camera_mean.shape[1] > CAMERA_PARAMETERS
 
 
-def _unknowns(model: Model) -> tuple[Any, ...]:
-    """The motion's first coefficients, degrees and powers, and where the coefficients sit."""
-    basis = model.basis
-    first: Ints = np.array([t.first for t in basis.targets], dtype=np.int64)
-    return first, basis.degrees, basis.degree + 1, model.order.coefficient
-
-
 NO_RATE = np.zeros((1, 6))
-
-
 ONE_STAGE = Stages(count=0, short=1, coarse=1.0, far=1.0)
 
 
@@ -89,25 +80,18 @@ def graduated(
     given = (*_from(model, start), limit, float(small), float(first_damping), history)
     kept = kept_room(frames, shortened(frames.first), _is_placed(model), ANY if model.pose.free else 0)
     status, iterations, camera, coefficients, own, corner, right, cost, gain = COMPILED(
-        *given,
-        stages.count,
-        stages.short,
-        float(stages.coarse),
-        float(stages.far),
-        0.0,
-        kept,
-        np.empty((2, frames.count, 6)),
+        *given, stages.count, stages.short, float(stages.coarse), float(stages.far), kept
     )
     state = State(coefficients=coefficients, camera=camera, deviation=start.deviation, own=own)
     return STATUS[status], iterations, state, corner, right, cost, gain, history[:iterations]
 
 
 def _from(model: Model, start: State) -> tuple[Any, ...]:
-    order = model.order
+    order, basis = model.order, model.basis
     return (
-        *_scene(model, model.frames.gain, model.frames.angular, model.pose, model.loss), *_unknowns(model),
-        order.camera, order.n_border, model.priors.camera_mean, model.priors.camera_precision, start.camera,
-        start.coefficients, start.own,
+        *_scene(model), basis.firsts, basis.degrees, basis.degree + 1, order.coefficient, order.camera,
+        order.n_border, model.priors.camera_mean, model.priors.camera_precision, start.camera, start.coefficients,
+        start.own,
     )  # fmt: skip
 
 
@@ -116,20 +100,14 @@ def motion_step(model: Model, state: State, frames: Frames, rank: float) -> tupl
 
     `model` has all coefficients free. Pivot -1: a coefficient touches no sight ray; 0: singular.
     """
-    across: Callable[..., None] = _descent.across
-    gain, room = frames.gain, np.zeros((2, frames.count, 6))
-    if frames.angular:
-        gain = np.zeros(frames.gain.shape)
-        across(frames.ray, frames.seen, gain)
-    held = PoseError(spread=np.zeros((len(state.camera), 6)), prior=np.zeros((len(state.camera), 6)))
-    nothing = np.zeros(state.camera.shape)
-    found = COMPILED(
-        *_scene(model, gain, False, held, Loss()), *_unknowns(model), np.full(state.camera.shape, -1),
-        3 * len(state.coefficients), nothing, nothing, state.camera, state.coefficients, room[0],
-        1, 0.0, 0.0, np.zeros(1), 0, 1, 1.0, 1.0, rank, kept_room(frames, frames.first, False, 0),
-        room,
+    compiled: Callable[..., float] = _descent.motion_alone
+    basis, out = model.basis, np.zeros(state.coefficients.shape)
+    pivot = compiled(
+        frames.cam_from_enu, frames.position_m, frames.ray, frames.gain, frames.seen, frames.angular, frames.video_s,
+        frames.camera, float(basis.mid_s[0]), float(basis.half_s[0]), basis.firsts, basis.degrees, state.camera, rank,
+        out,
     )  # fmt: skip
-    return found[3], float(found[7])
+    return out, pivot
 
 
 def warm() -> None:
@@ -140,16 +118,16 @@ def warm() -> None:
     i, f, eye = np.zeros(1, np.int64), np.zeros, np.eye(3)[None]
     begin, seen = np.array([0, 1]), np.ones((1, 1), dtype=bool)
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
-    across: Callable[..., Any] = _descent.across
+    alone: Callable[..., Any] = _descent.motion_alone
     scene = (
         eye, f((1, 3)), NO_RATE, ray, gain, seen, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0, f(1), i,
         f((0, 1)), f(1), f(1), begin, i, 0.0, 1.0,
     )  # fmt: skip
     unknowns = (i, i, 1, np.arange(3)[None], np.full((1, 10), -1), 3, f((1, 10)), f((1, 10)))
     start = (f((1, 10)), f((1, 3)), f((1, 6)), 1, 1e-9, 1e-4)
-    across(ray, seen, f(gain.shape))
+    alone(eye, f((1, 3)), ray, gain, seen, True, f(1), i, 0.0, 1.0, i, i, f((1, 10)), 1e-12, f((1, 3)))
     kept = f(_kernels.kept_shape(begin, 1, False, False))
-    COMPILED(*scene, *unknowns, *start, f(3), 1, 1, 1e-2, 2.5, 0.0, kept, f((2, 1, 6)))
+    COMPILED(*scene, *unknowns, *start, f(3), 1, 1, 1e-2, 2.5, kept)
     warm.done = True  # type: ignore[attr-defined]
 
 

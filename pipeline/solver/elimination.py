@@ -28,8 +28,8 @@ from pipeline.solver.residuals import Linearised, linearise, place_shift
 from pipeline.solver.timing import CAMERA_PARAMETERS
 
 CHUNK_FRAMES = 2048
-KEPT_NUMBERS = 25_000_000
-"""200 MB: beyond, the frames' steps are computed anew instead of kept."""
+KEPT_NUMBERS, LARGE_PAGES = 25_000_000, 8_000_000
+"""200 MB: beyond, the frames' steps are computed anew instead of kept. 64 MB: up to there in large pages."""
 NONE, HUBER, CAUCHY = 0, 1, 2
 
 
@@ -247,10 +247,16 @@ def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: B
 
 
 def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
-    """Room for what the compiled elimination keeps of every frame; none where it takes more than `most` numbers."""
+    """Room for what the compiled elimination keeps of every frame; none where it takes more than `most` numbers.
+
+    NumPy asks for large pages, which are quick to touch unless a virtual machine has to fetch each from outside.
+    """
     of: Callable[..., tuple[int, int, int]] = _kernels.kept_shape
+    plain: Callable[..., Floats] = _kernels.room
     chunks, rows, lanes = of(begin, len(frames.targets), frames.pose_rate is not None, placed)
-    return np.empty((chunks if chunks * rows * lanes <= most else 0, rows, lanes))
+    numbers = chunks * rows * lanes
+    shape = (chunks if numbers <= most else 0, rows, lanes)
+    return np.empty(shape) if numbers <= LARGE_PAGES else plain(*shape)
 
 
 def frame_steps(
@@ -265,7 +271,7 @@ def frame_steps(
     if kept is not None:
         quick: Callable[..., None] = _kernels.kept_steps
         rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
-        where = (blocks.begin, blocks.camera, blocks.u, blocks.half_s)
+        _, where = _kernel_arguments(frames, pose, loss, at, blocks)
         quick(kept, rated, placed, pose.spread, *where, at.series, step, out, out)
         return out
     compiled: Callable[..., Floats] = _kernels.frame_steps

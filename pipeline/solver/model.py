@@ -95,6 +95,9 @@ def build_model(
     )  # fmt: skip
 
 
+NO_PLACES: Ints = np.empty(0, dtype=np.int64)
+
+
 def order_unknowns(basis: MotionBasis, drift: Drift, priors: Priors, *, motion_free: bool, drift_free: bool) -> Order:
     """Spline coefficients of all targets by their time in the band; everything else in the border."""
     coefficient = np.full((basis.count, 3), -1, dtype=np.int64)
@@ -104,7 +107,7 @@ def order_unknowns(basis: MotionBasis, drift: Drift, priors: Priors, *, motion_f
         if t.kind == "spline":
             rows.append(np.arange(t.first, t.first + t.count))
             when.append(np.array([t.knots_s[i + 1 : i + 1 + t.degree].mean() for i in range(t.count)]))
-    band = np.concatenate(rows) if rows else np.empty(0, dtype=np.int64)
+    band = np.concatenate(rows) if rows else NO_PLACES
     n_band = 3 * len(band) if motion_free else 0
     if motion_free:
         if rows:
@@ -112,17 +115,17 @@ def order_unknowns(basis: MotionBasis, drift: Drift, priors: Priors, *, motion_f
             coefficient[ranked] = np.arange(n_band).reshape(-1, 3)
         for t in basis.targets:
             if t.kind == "polynomial":
-                for axis in range(3):
-                    begin = n_band + n_border + axis * t.count
-                    coefficient[t.first : t.first + t.count, axis] = range(begin, begin + t.count)
+                places = np.arange(n_band + n_border, n_band + n_border + 3 * t.count)
+                coefficient[t.first : t.first + t.count] = places.reshape(3, t.count).T
                 n_border += 3 * t.count
     camera = np.full(priors.camera_free.shape, -1, dtype=np.int64)
     free = int(priors.camera_free.sum())
     camera[priors.camera_free] = n_band + n_border + np.arange(free)
     n_border += free
-    knots = drift.count if drift_free else 0
-    drifts = np.full(drift.count, -1, dtype=np.int64)
-    drifts[:knots] = n_band + n_border + np.arange(knots)
+    knots, drifts = drift.count if drift_free else 0, NO_PLACES
+    if drift.count:
+        drifts = np.full(drift.count, -1, dtype=np.int64)
+        drifts[:knots] = n_band + n_border + np.arange(knots)
     return Order(
         coefficient=coefficient, camera=camera, drift=drifts, n_band=n_band, n_border=n_border + knots,
         width=_band_width(basis, coefficient, n_band),

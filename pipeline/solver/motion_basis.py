@@ -64,6 +64,11 @@ class MotionBasis:
         """(N,) of the targets."""
         return np.array([t.degree for t in self.targets], dtype=np.int64)
 
+    @cached_property
+    def firsts(self) -> Ints:
+        """(N,) first coefficients of the targets."""
+        return np.array([t.first for t in self.targets], dtype=np.int64)
+
     @property
     def count(self) -> int:
         """Coefficients of all targets (each is a 3-vector)."""
@@ -143,22 +148,23 @@ def build_basis(
     names: tuple[str, ...], kinds: tuple[MotionKind, ...], orders: tuple[int, ...], ends_s: Floats, spacing_s: float
 ) -> MotionBasis:
     """A basis over common times `ends_s` (N, 2), each target's own; splines share knots `spacing_s` apart."""
-    start, end = float(ends_s[:, 0].min()), float(ends_s[:, 1].max())
-    end = max(end, start + 1e-3)
+    ends = ends_s.tolist()
+    start = min(low_s for low_s, _ in ends)
+    end = max(*(high_s for _, high_s in ends), start + 1e-3)
     pieces = max(1, int(np.ceil((end - start) / spacing_s))) if "spline" in kinds else 1
     grid = np.linspace(start, end, pieces + 1) if pieces > 1 else np.array([start, end])
     greatest = max(SPLINE_DEGREE if kind == "spline" else order for kind, order in zip(kinds, orders, strict=True))
     targets: list[TargetBasis] = []
     first, whole_s = 0, np.array([start, end])
     transforms = {k: _polynomial_transform(grid, start, end, k, greatest) for k in _polynomial_orders(kinds, orders)}
-    for name, kind, order, (low_s, high_s) in zip(names, kinds, orders, ends_s, strict=True):
+    for name, kind, order, (low_s, high_s) in zip(names, kinds, orders, ends, strict=True):
         if kind == "polynomial":
             target = TargetBasis(
                 target=name, kind=kind, degree=order, knots_s=whole_s, first=first, count=order + 1,
                 active=np.full(pieces, first, dtype=np.int64), transform=transforms[order],
             )  # fmt: skip
         else:
-            target = _spline_target(name, grid, float(low_s), float(high_s), first, greatest)
+            target = _spline_target(name, grid, low_s, high_s, first, greatest)
         targets.append(target)
         first += target.count
     return MotionBasis(grid_s=grid, degree=greatest, targets=tuple(targets))

@@ -89,9 +89,8 @@ def camera_priors(problem: Problem, settings: SolverSettings) -> tuple[Floats, F
     """Mean, precision and freedom (C, W) of the cameras' constant parameters for the method in force."""
     width = parameters(problem)
     rows = [_camera_prior(problem, settings, camera, width) for camera in problem.cameras]
-    mean, sigma, free = np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
-    known = free & (sigma > 0) & (sigma < np.inf)
-    return mean, np.where(known, 1 / np.where(known, sigma, 1.0) ** 2, 0.0), free
+    precision = [[s**-2 if f and 0 < s < np.inf else 0.0 for s, f in zip(*r[1:], strict=True)] for r in rows]
+    return np.array([r[0] for r in rows]), np.array(precision), np.array([r[2] for r in rows])
 
 
 def _camera_prior(
@@ -136,6 +135,8 @@ def given_offsets(problem: Problem) -> dict[str, float]:
 
 def sighted_ends_s(frames: Frames, time_s: Floats) -> Floats:
     """(N, 2) first and last common time at which each target was seen. Raises GeometryError where one never was."""
+    if frames.seen.all():
+        return np.array([[time_s.min(), time_s.max()]] * len(frames.targets))
     low = np.where(frames.seen, time_s[:, None], np.inf).min(axis=0)
     high = np.where(frames.seen, time_s[:, None], -np.inf).max(axis=0)
     for name, start_s in zip(frames.targets, low, strict=True):

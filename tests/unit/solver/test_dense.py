@@ -62,12 +62,21 @@ def test_the_same_stages_of_a_graduated_loss(place_px):
     np.testing.assert_allclose(fast.state.camera, plain.state.camera, rtol=1e-6, atol=1e-6)
 
 
-def test_the_first_motion_is_the_same(monkeypatch):
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_first_motion_is_the_same(monkeypatch, turned):
     model, state = begun("map")
-    fast = intersection.intersect(model, state)
-    monkeypatch.setattr(intersection, "is_dense", lambda _: False)
-    plain = intersection.intersect(model, state)
-    np.testing.assert_allclose(fast.coefficients, plain.coefficients, rtol=1e-8)
+    seen = np.random.default_rng(5).random(model.frames.seen.shape) < 0.7
+    model = replace(model, frames=replace(model.frames, seen=seen, gain=model.frames.gain * seen[..., None, None]))
+    if turned:  # constant rotation, position and focal length of every camera, and clocks
+        camera = state.camera.copy()
+        camera[:, :9] += [0.02, -0.01, 0.03, 0.5, -0.3, 0.2, 0.01, 0.05, 1e-3]
+        state = replace(state, camera=camera)
+    for start in (intersection.intersect, intersection.intersect_weighted):
+        fast = start(model, state)
+        with monkeypatch.context() as patched:
+            patched.setattr(intersection, "is_dense", lambda _: False)
+            plain = start(model, state)
+        np.testing.assert_allclose(fast.coefficients, plain.coefficients, rtol=1e-8)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
