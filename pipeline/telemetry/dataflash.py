@@ -17,6 +17,7 @@ from pipeline.errors import InputFileError
 from pipeline.telemetry.dataflash_layout import CHUNK, DIVISOR, Layout, layouts_of
 from pipeline.telemetry.dataflash_places import scan_dataflash
 from pipeline.telemetry.mapped_file import Bytes, mapped, taken
+from pipeline.telemetry.pieces import Pieces, bytes_in
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
 
 WANTED = (
@@ -25,17 +26,21 @@ WANTED = (
 )  # fmt: skip
 
 
-def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Progress = None) -> RawLog:
-    """The `wanted` messages of a binary DataFlash log.
+def read_dataflash(
+    path: Path, *, wanted: tuple[str, ...] = WANTED, pieces: Pieces | None = None, progress: Progress = None
+) -> RawLog:
+    """The `wanted` messages of a binary DataFlash log, or of `pieces` of it.
 
-    Raises InputFileError where the file cannot be read or defines no message.
+    Definitions are looked for at the file's start, and in all of it where something is not understood. Raises
+    InputFileError where the file cannot be read or defines no message.
     """
     data = mapped(path, expected="an ArduPilot DataFlash log")
+    parts = pieces or ((0, len(data)),)
     layouts = layouts_of(data, upto=CHUNK)  # ArduPilot defines everything at the start, and whole logs end here
-    starts, counts, corrupt = scan_dataflash(data, layouts, wanted, progress)
+    starts, counts, corrupt = scan_dataflash(data, layouts, wanted, parts, progress)
     if corrupt:
         layouts = layouts_of(data, upto=len(data))
-        starts, counts, corrupt = scan_dataflash(data, layouts, wanted, progress)
+        starts, counts, corrupt = scan_dataflash(data, layouts, wanted, parts, progress)
     if not layouts:
         raise InputFileError(
             where=str(path),
@@ -50,6 +55,7 @@ def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Pr
         tables={layouts[kind].name: _gather(data, layouts[kind], where) for kind, where in starts.items()},
         counts={name: int(counts[kind]) for name, kind in names.items() if counts[kind]},
         corrupt_packets=corrupt,
+        bytes_read=len(data) if pieces and corrupt else bytes_in(pieces or ()),
     )
 
 

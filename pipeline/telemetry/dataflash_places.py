@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from calibration.arrays import Ints
 from pipeline.telemetry.compiled import COMPILED
-from pipeline.telemetry.dataflash_chain import chain
+from pipeline.telemetry.dataflash_chain import STRETCH, chain, first_message
 from pipeline.telemetry.dataflash_doubt import is_whole
 from pipeline.telemetry.dataflash_layout import Layout
 from pipeline.telemetry.mapped_file import Bytes, taken
+from pipeline.telemetry.pieces import Pieces, share_read
 from pipeline.telemetry.tables import Progress
 
 CAREFUL = 256
@@ -25,31 +26,37 @@ AT, CORRUPT, LAST_TIMED = 0, 1, 2
 
 
 def scan_dataflash(
-    data: Bytes, layouts: Mapping[int, Layout], wanted: tuple[str, ...], progress: Progress
+    data: Bytes, layouts: Mapping[int, Layout], wanted: tuple[str, ...], pieces: Pieces, progress: Progress
 ) -> tuple[dict[int, Ints], Ints, int]:
-    """Places of the wanted messages by kind, counts by kind, and how many stretches were no message."""
+    """Places of the wanted messages by kind, counts by kind, and how many stretches were no message, all in `pieces`.
+
+    A piece is read from the first of its messages that others follow to the last that begins in it.
+    """
     length, time_bytes, counts = np.zeros((3, 256), dtype=np.int64)
     listed = np.zeros(256, dtype=np.bool_)
     for kind, layout in layouts.items():
         length[kind], time_bytes[kind], listed[kind] = layout.length, layout.time_bytes, layout.name in wanted
     source = np.frombuffer(data, np.uint8)
     state = np.array([0, 0, -1], dtype=np.int64)
-    pieces: list[tuple[Ints, npt.NDArray[np.uint8], Ints]] = []
-    while state[AT] + 3 <= len(data):
-        quick = chain(source, int(state[AT]), length)
-        counts += np.bincount(quick.kind, minlength=256)
-        keep = listed[quick.kind]
-        pieces.append((quick.place[keep], quick.kind[keep], np.zeros(int(keep.sum()), dtype=np.int64)))
-        timed = np.flatnonzero(time_bytes[quick.kind[::-1]])[:1]
-        if len(timed):
-            state[LAST_TIMED] = quick.place[-1 - int(timed[0])]
-        state[AT] = quick.stop
-        if quick.damaged:
-            pieces.append(_with_care(data, source, length, time_bytes, listed, counts, state))
-        if progress is not None:
-            progress(float(state[AT]) / len(data))
+    found: list[tuple[Ints, npt.NDArray[np.uint8], Ints]] = []
+    for begin, stop in pieces:
+        if state[AT] < begin:
+            state[AT] = first_message(source, begin, stop, length)
+        while state[AT] < min(stop, len(data) - 2):
+            quick = chain(source, int(state[AT]), min(stop, int(state[AT]) + STRETCH), length)
+            counts += np.bincount(quick.kind, minlength=256)
+            keep = listed[quick.kind]
+            found.append((quick.place[keep], quick.kind[keep], np.zeros(int(keep.sum()), dtype=np.int64)))
+            timed = np.flatnonzero(time_bytes[quick.kind[::-1]])[:1]
+            if len(timed):
+                state[LAST_TIMED] = quick.place[-1 - int(timed[0])]
+            state[AT] = quick.stop
+            if quick.damaged:
+                found.append(_with_care(data, source, length, time_bytes, listed, counts, state))
+            if progress is not None:
+                progress(share_read(pieces, int(state[AT])))
     corrupt = int(state[CORRUPT]) + int(0 < len(data) - state[AT] < 3)
-    place, kinds, resumed = (np.concatenate(part) for part in zip(*pieces, strict=True)) if pieces else _nothing()
+    place, kinds, resumed = (np.concatenate(part) for part in zip(*found, strict=True)) if found else _nothing()
     judged = _judged(source, layouts, place, kinds, resumed, counts)
     place, kinds = place[judged], kinds[judged]
     return {int(kind): place[kinds == kind] for kind in np.unique(kinds)}, counts, corrupt
