@@ -37,10 +37,11 @@ def read_dataflash(
     data = mapped(path, expected="an ArduPilot DataFlash log")
     parts = pieces or ((0, len(data)),)
     layouts = layouts_of(data, upto=CHUNK)  # ArduPilot defines everything at the start, and whole logs end here
-    starts, counts, corrupt = scan_dataflash(data, layouts, wanted, parts, progress)
-    if corrupt:
+    found = scan_dataflash(data, layouts, wanted, parts, progress)
+    searched = found.corrupt > found.cut  # something was not understood that is not just cut off
+    if searched:
         layouts = layouts_of(data, upto=len(data))
-        starts, counts, corrupt = scan_dataflash(data, layouts, wanted, parts, progress)
+        found = scan_dataflash(data, layouts, wanted, parts, progress)
     if not layouts:
         raise InputFileError(
             where=str(path),
@@ -52,10 +53,10 @@ def read_dataflash(
     return RawLog(
         path=path,
         format="dataflash",
-        tables={layouts[kind].name: _gather(data, layouts[kind], where) for kind, where in starts.items()},
-        counts={name: int(counts[kind]) for name, kind in names.items() if counts[kind]},
-        corrupt_packets=corrupt,
-        bytes_read=len(data) if pieces and corrupt else bytes_in(pieces or ()),
+        tables={layouts[kind].name: _gather(data, layouts[kind], where) for kind, where in found.of_kind.items()},
+        counts={name: int(found.counts[kind]) for name, kind in names.items() if found.counts[kind]},
+        corrupt_packets=found.corrupt,
+        bytes_read=len(data) if pieces and searched else bytes_in(pieces or ()),
     )
 
 

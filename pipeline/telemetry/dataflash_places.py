@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +23,26 @@ NEAR = 16
 """Neighbours on each side that a doubtful message is compared with."""
 MOST_JUDGED = 10_000
 """Doubtful messages beyond these are not believed: at 2.6 ms each, no file takes longer than half a minute to judge."""
-AT, CORRUPT, LAST_TIMED = 0, 1, 2
+AT, CORRUPT, LAST_TIMED, LAST_CORRUPT = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """Where the wanted messages are, by kind; `counts` (256,) of every kind.
+
+    corrupt   how many stretches are no message, and `cut` whether the last is one that the end of the file cuts off
+    """
+
+    of_kind: Mapping[int, Ints]
+    counts: Ints
+    corrupt: int
+    cut: bool
 
 
 def scan_dataflash(
     data: Bytes, layouts: Mapping[int, Layout], wanted: tuple[str, ...], pieces: Pieces, progress: Progress
-) -> tuple[dict[int, Ints], Ints, int]:
-    """Places of the wanted messages by kind, counts by kind, and how many stretches were no message, all in `pieces`.
+) -> Places:
+    """Places of the wanted messages in `pieces` of a log whose messages are laid out by `layouts`.
 
     A piece is read from the first of its messages that others follow to the last that begins in it.
     """
@@ -37,7 +51,7 @@ def scan_dataflash(
     for kind, layout in layouts.items():
         length[kind], time_bytes[kind], listed[kind] = layout.length, layout.time_bytes, layout.name in wanted
     source = np.frombuffer(data, np.uint8)
-    state = np.array([0, 0, -1], dtype=np.int64)
+    state = np.array([0, 0, -1, -1], dtype=np.int64)
     found: list[tuple[Ints, npt.NDArray[np.uint8], Ints]] = []
     for begin, stop in pieces:
         if state[AT] < begin:
@@ -55,11 +69,23 @@ def scan_dataflash(
                 found.append(_with_care(data, source, length, time_bytes, listed, counts, state))
             if progress is not None:
                 progress(share_read(pieces, int(state[AT])))
-    corrupt = int(state[CORRUPT]) + int(0 < len(data) - state[AT] < 3)
+    rest = 0 < len(data) - state[AT] < 3
+    corrupt, broken = int(state[CORRUPT]) + int(rest), int(state[AT] if rest else state[LAST_CORRUPT])
     place, kinds, resumed = (np.concatenate(part) for part in zip(*found, strict=True)) if found else _nothing()
     judged = _judged(source, layouts, place, kinds, resumed, counts)
     place, kinds = place[judged], kinds[judged]
-    return {int(kind): place[kinds == kind] for kind in np.unique(kinds)}, counts, corrupt
+    return Places(
+        of_kind={int(kind): place[kinds == kind] for kind in np.unique(kinds)},
+        counts=counts,
+        corrupt=corrupt,
+        cut=corrupt > 0 and _cut_off(source, broken, length),
+    )
+
+
+def _cut_off(source: npt.NDArray[np.uint8], at: int, length: Ints) -> bool:
+    """Whether what begins at `at` is a message of a known kind of which the end of the file leaves less than all."""
+    head, left = source[at : at + 3].tolist(), len(source) - at
+    return head[:2] == [0xA3, 0x95][:left] and (left < 3 or bool(length[head[2]] > left))
 
 
 def _nothing() -> tuple[Ints, npt.NDArray[np.uint8], Ints]:
