@@ -15,7 +15,7 @@ from calibration.arrays import Ints
 from calibration.files import read_bytes
 from pipeline.errors import InputFileError
 from pipeline.telemetry.dataflash_layout import CHUNK, DIVISOR, Layout, layouts_of
-from pipeline.telemetry.dataflash_places import scan_dataflash
+from pipeline.telemetry.dataflash_places import judged, scan_dataflash
 from pipeline.telemetry.mapped_file import Bytes, mapped, taken
 from pipeline.telemetry.pieces import Pieces, bytes_in
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
@@ -27,21 +27,27 @@ WANTED = (
 
 
 def read_dataflash(
-    path: Path, *, wanted: tuple[str, ...] = WANTED, pieces: Pieces | None = None, progress: Progress = None
+    path: Path,
+    *,
+    wanted: tuple[str, ...] = WANTED,
+    pieces: Pieces | None = None,
+    complete: bool = True,
+    progress: Progress = None,
 ) -> RawLog:
     """The `wanted` messages of a binary DataFlash log, or of `pieces` of it.
 
-    Definitions are looked for at the file's start, and in all of it where something is not understood. Raises
-    InputFileError where the file cannot be read or defines no message.
+    Definitions are looked for at the file's start and, unless `complete` is false, in all of it where something is not
+    understood. Raises InputFileError where the file cannot be read or defines no message.
     """
     data = mapped(path, expected="an ArduPilot DataFlash log")
     parts = pieces or ((0, len(data)),)
     layouts = layouts_of(data, upto=CHUNK)  # ArduPilot defines everything at the start, and whole logs end here
     found = scan_dataflash(data, layouts, wanted, parts, progress)
-    searched = found.corrupt > found.cut  # something was not understood that is not just cut off
-    if searched:
-        layouts = layouts_of(data, upto=len(data))
+    searched = complete and found.corrupt > found.cut  # something was not understood that is not just cut off
+    if searched and (every := layouts_of(data, upto=len(data))) != layouts:
+        layouts = every
         found = scan_dataflash(data, layouts, wanted, parts, progress)
+    found = judged(np.frombuffer(data, np.uint8), layouts, found)
     if not layouts:
         raise InputFileError(
             where=str(path),
@@ -53,7 +59,10 @@ def read_dataflash(
     return RawLog(
         path=path,
         format="dataflash",
-        tables={layouts[kind].name: _gather(data, layouts[kind], where) for kind, where in found.of_kind.items()},
+        tables={
+            layouts[kind].name: _gather(data, layouts[kind], found.place[found.kind == kind])
+            for kind in np.unique(found.kind).tolist()
+        },
         counts={name: int(found.counts[kind]) for name, kind in names.items() if found.counts[kind]},
         corrupt_packets=found.corrupt,
         bytes_read=len(data) if pieces and searched else bytes_in(pieces or ()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,12 +28,16 @@ AT, CORRUPT, LAST_TIMED, LAST_CORRUPT = 0, 1, 2, 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Where the wanted messages are, by kind; `counts` (256,) of every kind.
+    """Where the wanted messages are.
 
+    place, kind, resumed  (n,) of each: first byte, kind, and where the next one stands if it is doubtful, else 0
+    counts    (256,) of every kind, doubtful ones left out
     corrupt   how many stretches are no message, and `cut` whether the last is one that the end of the file cuts off
     """
 
-    of_kind: Mapping[int, Ints]
+    place: Ints
+    kind: npt.NDArray[np.uint8]
+    resumed: Ints
     counts: Ints
     corrupt: int
     cut: bool
@@ -42,7 +46,7 @@ class Places:
 def scan_dataflash(
     data: Bytes, layouts: Mapping[int, Layout], wanted: tuple[str, ...], pieces: Pieces, progress: Progress
 ) -> Places:
-    """Places of the wanted messages in `pieces` of a log whose messages are laid out by `layouts`.
+    """Places of the wanted messages in `pieces` of a log, those included that a closer look may not believe.
 
     A piece is read from the first of its messages that others follow to the last that begins in it.
     """
@@ -72,10 +76,10 @@ def scan_dataflash(
     rest = 0 < len(data) - state[AT] < 3
     corrupt, broken = int(state[CORRUPT]) + int(rest), int(state[AT] if rest else state[LAST_CORRUPT])
     place, kinds, resumed = (np.concatenate(part) for part in zip(*found, strict=True)) if found else _nothing()
-    judged = _judged(source, layouts, place, kinds, resumed, counts)
-    place, kinds = place[judged], kinds[judged]
     return Places(
-        of_kind={int(kind): place[kinds == kind] for kind in np.unique(kinds)},
+        place=place,
+        kind=kinds,
+        resumed=resumed,
         counts=counts,
         corrupt=corrupt,
         cut=corrupt > 0 and _cut_off(source, broken, length),
@@ -106,20 +110,21 @@ def _with_care(
     return start[:n], kinds[:n], resumed[:n]
 
 
-def _judged(
-    source: npt.NDArray[np.uint8], layouts: Mapping[int, Layout], place: Ints, kinds: npt.NDArray[np.uint8],
-    resumed: Ints, counts: Ints,
-) -> npt.NDArray[np.bool_]:  # fmt: skip
-    """True (n,) for messages to believe; doubtful ones among them are counted."""
-    believed = resumed == 0
+def judged(source: npt.NDArray[np.uint8], layouts: Mapping[int, Layout], found: Places) -> Places:
+    """The messages to believe: all that are not doubtful, and of those the ones that their neighbours bear out."""
+    believed = found.resumed == 0
     doubtful = np.flatnonzero(~believed)[:MOST_JUDGED]
-    of_kind = {int(k): np.flatnonzero(believed & (kinds == k)) for k in np.unique(kinds[doubtful])}
+    of_kind = {int(k): np.flatnonzero(believed & (found.kind == k)) for k in np.unique(found.kind[doubtful])}
     for i in doubtful.tolist():
-        layout, same = layouts[int(kinds[i])], of_kind[int(kinds[i])]
+        layout, same = layouts[int(found.kind[i])], of_kind[int(found.kind[i])]
         middle = int(np.searchsorted(same, i))
-        near = place[same[max(0, middle - NEAR) : middle + NEAR]]
+        near = found.place[same[max(0, middle - NEAR) : middle + NEAR]]
         around = taken(source, near, layout.length).view(layout.dtype)
-        at, resume = int(place[i]), int(resumed[i])
-        believed[i] = is_whole(source, at, resume, layout, around)
-        counts[kinds[i]] += believed[i]
-    return np.asarray(believed)
+        believed[i] = is_whole(source, int(found.place[i]), int(found.resumed[i]), layout, around)
+    return replace(
+        found,
+        place=found.place[believed],
+        kind=found.kind[believed],
+        resumed=np.zeros(int(believed.sum()), dtype=np.int64),
+        counts=found.counts + np.bincount(found.kind[believed & (found.resumed > 0)], minlength=256),
+    )

@@ -66,7 +66,7 @@ class PieceReader:
     """How a format is read in pieces.
 
     size      of the file, bytes
-    read      messages of pieces
+    read      messages of pieces, and `glance` those that have readings, as far as they are understood at once
     flight    what they say
     readings  their times, of the vehicle that the log is of
     doubtful  whether what was decided of the log could turn out otherwise if more were read
@@ -74,6 +74,7 @@ class PieceReader:
 
     size: int
     read: Callable[[Pieces], RawLog]
+    glance: Callable[[Pieces], RawLog]
     flight: Callable[[RawLog], FlightLog]
     readings: Callable[[RawLog, FlightLog], Readings]
     doubtful: Callable[[RawLog, FlightLog], bool]
@@ -164,7 +165,7 @@ def _bytes_of(
         step = STEP_BYTES
         while place < reader.size:
             piece = (place, min(place + step, reader.size))
-            found = reader.readings(reader.read((piece,)), log).time_s
+            found = reader.readings(reader.glance((piece,)), log).time_s
             if len(found):
                 return _early(found)
             place, step = place + step, 2 * step

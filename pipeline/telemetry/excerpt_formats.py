@@ -12,7 +12,7 @@ from pipeline.telemetry.dataflash_poses import dataflash_flight, primary_core, t
 from pipeline.telemetry.excerpt import PieceReader, Readings
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.mavlink_names import FIELDS
-from pipeline.telemetry.mavlink_poses import boot_readings, gimbal_of, mavlink_flight, votes_of
+from pipeline.telemetry.mavlink_poses import BOOT_MESSAGES, boot_readings, gimbal_of, mavlink_flight, votes_of
 from pipeline.telemetry.series import close_call
 from pipeline.telemetry.tables import RawLog
 
@@ -27,6 +27,7 @@ def tlog_pieces(path: Path, *, system: int | None) -> PieceReader:
     return PieceReader(
         size=path.stat().st_size,
         read=lambda pieces: read_mavlink_fast(path, fields=FIELDS, pieces=pieces),
+        glance=lambda pieces: read_mavlink_fast(path, wanted=BOOT_MESSAGES, fields=FIELDS, pieces=pieces),
         flight=lambda raw: mavlink_flight(raw, system=system),
         readings=_tlog_readings,
         doubtful=lambda raw, log: _tlog_doubtful(raw, log, system),
@@ -38,6 +39,7 @@ def dataflash_pieces(path: Path) -> PieceReader:
     return PieceReader(
         size=path.stat().st_size,
         read=lambda pieces: read_dataflash(path, pieces=pieces),
+        glance=lambda pieces: read_dataflash(path, pieces=pieces, complete=False),
         flight=dataflash_flight,
         readings=_dataflash_readings,
         doubtful=_dataflash_doubtful,

@@ -12,8 +12,9 @@ SAMPLE_BYTES = 1 << 18
 
 def sampled(size: int, head: int) -> Pieces:
     """The first `head` bytes of a file of `size`, and SAMPLES pieces evenly over the rest, of which one ends it."""
+    head = min(head, size)
     ends = np.linspace(head, size, SAMPLES + 1)[1:].astype(int).tolist()
-    return joined(((0, min(head, size)), *((max(0, end - SAMPLE_BYTES), end) for end in ends)))
+    return joined(((0, head), *((max(0, end - SAMPLE_BYTES), end) for end in ends)))
 
 
 def joined(pieces: Pieces) -> Pieces:
