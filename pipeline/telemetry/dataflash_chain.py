@@ -18,6 +18,7 @@ HEAD_1, HEAD_2 = 0xA3, 0x95
 STRETCH = 1 << 22
 IN_A_ROW = 16
 """Messages that follow each other: by chance they never do."""
+LOOK = 1 << 13
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,18 +63,20 @@ def chain(data: npt.NDArray[np.uint8], at: int, edge: int, length: Ints) -> Chai
 
 
 def first_message(data: npt.NDArray[np.uint8], at: int, stop: int, length: Ints) -> int:
-    """Where, from `at` on, the first of IN_A_ROW messages begins; `stop` if nowhere in the STRETCH bytes before it."""
-    for place in _heads(data, at, min(stop, at + STRETCH), length)[0].tolist():
-        following = place
-        for _ in range(IN_A_ROW):
-            if not _known(data, following, length):
-                break
-            following += int(length[data[following + 2]])
-        else:
-            return int(place)
-        if following == len(data):
-            return int(place)
+    """Where, from `at` on, the first of IN_A_ROW messages begins, or of fewer that end the file; `stop` if nowhere."""
+    for begin in range(at, stop, LOOK):
+        for place in _heads(data, begin, min(begin + LOOK, stop), length)[0].tolist():
+            if _followed(data, place, length):
+                return int(place)
     return stop
+
+
+def _followed(data: npt.NDArray[np.uint8], at: int, length: Ints) -> bool:
+    for _ in range(IN_A_ROW):
+        if not _known(data, at, length):
+            return at == len(data)
+        at += int(length[data[at + 2]])
+    return True
 
 
 def _heads(data: npt.NDArray[np.uint8], at: int, edge: int, length: Ints) -> tuple[Ints, npt.NDArray[np.uint8]]:
