@@ -22,7 +22,7 @@ CAREFUL = 256
 NEAR = 16
 """Neighbours on each side that a doubtful message is compared with."""
 MOST_JUDGED = 10_000
-"""Doubtful messages beyond these are not believed: at 2.6 ms each, no file takes longer than half a minute to judge."""
+"""Doubtful messages beyond these are not believed: at half a millisecond each, a file is judged in some seconds."""
 AT, CORRUPT, LAST_TIMED, LAST_CORRUPT = 0, 1, 2, 3
 
 
