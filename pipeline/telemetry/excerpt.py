@@ -42,13 +42,17 @@ class Excerpt:
     """The part of a log around a moment.
 
     start    the moment, as for `resolve_start`: seconds of log time, above 1e8 POSIX seconds on the recorder's clock,
-             or an ISO-8601 time in UTC; not "camera-event", which the whole log tells
+             or an ISO-8601 time in UTC; not "camera-event": which one is the first only the whole log tells
     before_s, after_s  how far the part reaches to both sides of it, seconds
     """
 
     start: float | str
     before_s: float
     after_s: float
+
+    def __post_init__(self) -> None:
+        if self.start == "camera-event":
+            raise ValueError("an excerpt's start is a time; the first camera event is known when all of a log is read")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,8 +131,6 @@ def _sample(reader: PieceReader) -> tuple[Pieces, Readings, FlightLog] | None:
 
 
 def _span(log: FlightLog, excerpts: tuple[Excerpt, ...]) -> tuple[float, float]:
-    if any(e.start == "camera-event" for e in excerpts):
-        raise ValueError("the first camera event of a log is known when all of it is read")
     start = [resolve_start(log, e.start, where=str(log.path)) for e in excerpts]
     begins = [s - e.before_s for s, e in zip(start, excerpts, strict=True)]
     return min(begins), max(s + e.after_s for s, e in zip(start, excerpts, strict=True))

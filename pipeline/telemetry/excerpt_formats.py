@@ -35,7 +35,11 @@ def tlog_pieces(path: Path, *, system: int | None) -> PieceReader:
 
 
 def dataflash_pieces(path: Path) -> PieceReader:
-    """A binary DataFlash log."""
+    """A binary DataFlash log.
+
+    It has no second clock: where its time began anew between two pieces and grew past the earlier one's before the next,
+    that is not told (ArduPilot begins a file with every boot); nor is a parameter that was set between them.
+    """
     return PieceReader(
         size=path.stat().st_size,
         read=lambda pieces: read_dataflash(path, pieces=pieces),
@@ -59,7 +63,10 @@ def _tlog_doubtful(raw: RawLog, log: FlightLog, system: int | None) -> bool:
     contested = len(votes) > 1 and votes[0][0] <= CLEAR * votes[1][0]
     device = raw.table("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda t: np.asarray(t.system == log.system))
     gimbals = 0 if device is None else len(np.unique(gimbal_of(device)))
-    own = (raw.table(n, lambda t: np.asarray(t.system == log.system)) for n in ("ATTITUDE_QUATERNION", "ATTITUDE"))
+    own = (
+        raw.table(name, lambda t: (t.system == log.system) & (t.component == log.component))
+        for name in ("ATTITUDE_QUATERNION", "ATTITUDE")
+    )
     return raw.format != "tlog" or log.record_clock is None or contested or gimbals > 1 or close_call(*own)
 
 
