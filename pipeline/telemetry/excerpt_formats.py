@@ -37,8 +37,8 @@ def tlog_pieces(path: Path, *, system: int | None) -> PieceReader:
 def dataflash_pieces(path: Path) -> PieceReader:
     """A binary DataFlash log.
 
-    It has no second clock: where its time began anew between two pieces and grew past the earlier one's before the next,
-    that is not told (ArduPilot begins a file with every boot); nor is a parameter that was set between them.
+    It has no second clock: where its time began anew between two pieces and came past the earlier one's before the
+    next, that is not told (ArduPilot begins a file with every boot); nor is a parameter that was set between them.
     """
     return PieceReader(
         size=path.stat().st_size,
