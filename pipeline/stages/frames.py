@@ -7,6 +7,8 @@ clock is scaled to it. Without a video it is frame / frame rate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -31,7 +33,14 @@ def video_clock(camera: CameraSettings) -> VideoClock | None:
     """The clock of a camera's video, or None where it has none."""
     if camera.video is None:
         return None
-    return scaled_clock(video_times(camera.video), camera.frame_rate)
+    changed_ns = camera.video.stat().st_mtime_ns if camera.video.exists() else 0
+    return scaled_clock(_times(camera.video, changed_ns), camera.frame_rate)
+
+
+@lru_cache(maxsize=16)
+def _times(video: Path, changed_ns: int) -> VideoTimes:
+    """The times of a video, read once in a run."""
+    return video_times(video)
 
 
 def scaled_clock(times: VideoTimes, frame_rate: float | None) -> VideoClock:

@@ -1,6 +1,7 @@
 """Stage 3: flight logs become camera poses (`read_log`, `resolve_start`, `camera_poses`)."""
 
 from pipeline.telemetry.camera_pose import MAX_GAP_S, Mount, camera_poses, covered
+from pipeline.telemetry.excerpt import Excerpt
 from pipeline.telemetry.flight_log import (
     Accuracy,
     AttitudeSeries,
@@ -23,6 +24,7 @@ __all__ = [
     "AttitudeSeries",
     "Candidate",
     "ClockFit",
+    "Excerpt",
     "FlightLog",
     "GimbalSeries",
     "Inspection",

@@ -191,7 +191,8 @@ def _slerp_at(stamp_s: Floats, q: Floats, time_s: Floats, span: Ints) -> Floats:
 
 def _spans(log: FlightLog, where: str, source: str, stamp_s: Floats, time_s: Floats, frame: Ints) -> Ints:
     """Index (n,) of the sample before each time; raises where a time lies outside or in a gap."""
-    return spans(stamp_s, time_s, frame, source=f"{log.path.name}, {source}", where=where)
+    part = "" if log.excerpt_s is None else " (read from {:.1f} to {:.1f} s of log time)".format(*log.excerpt_s)
+    return spans(stamp_s, time_s, frame, source=f"{log.path.name}, {source}{part}", where=where)
 
 
 def spans(

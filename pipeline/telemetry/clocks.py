@@ -137,7 +137,7 @@ class BootClock:
 
 def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
     """The clock of a file from (n,) boot times and the recorder's times beside them, in the order of the file."""
-    restart = _restarts(boot_s)
+    restart = restarts_of(boot_s)
     bounds = [*restart.tolist(), len(boot_s)]
     shift = [0.0]
     log = np.array(boot_s, float)
@@ -156,7 +156,7 @@ def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
     )
 
 
-def _restarts(boot_s: Floats) -> Ints:
+def restarts_of(boot_s: Floats) -> Ints:
     """Indices at which the clock started anew: it falls back, and what follows stays back."""
     found = []
     top, i = -np.inf, 0

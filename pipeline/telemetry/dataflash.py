@@ -15,8 +15,9 @@ from calibration.arrays import Ints
 from calibration.files import read_bytes
 from pipeline.errors import InputFileError
 from pipeline.telemetry.dataflash_layout import CHUNK, DIVISOR, Layout, layouts_of
-from pipeline.telemetry.dataflash_places import scan_dataflash
+from pipeline.telemetry.dataflash_places import judged, scan_dataflash
 from pipeline.telemetry.mapped_file import Bytes, mapped, taken
+from pipeline.telemetry.pieces import Pieces, bytes_in
 from pipeline.telemetry.tables import Column, MessageTable, Progress, RawLog
 
 WANTED = (
@@ -25,17 +26,28 @@ WANTED = (
 )  # fmt: skip
 
 
-def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Progress = None) -> RawLog:
-    """The `wanted` messages of a binary DataFlash log.
+def read_dataflash(
+    path: Path,
+    *,
+    wanted: tuple[str, ...] = WANTED,
+    pieces: Pieces | None = None,
+    complete: bool = True,
+    progress: Progress = None,
+) -> RawLog:
+    """The `wanted` messages of a binary DataFlash log, or of `pieces` of it.
 
-    Raises InputFileError where the file cannot be read or defines no message.
+    Definitions are looked for at the file's start and, unless `complete` is false, in all of it where something is not
+    understood. Raises InputFileError where the file cannot be read or defines no message.
     """
     data = mapped(path, expected="an ArduPilot DataFlash log")
+    parts = pieces or ((0, len(data)),)
     layouts = layouts_of(data, upto=CHUNK)  # ArduPilot defines everything at the start, and whole logs end here
-    starts, counts, corrupt = scan_dataflash(data, layouts, wanted, progress)
-    if corrupt:
-        layouts = layouts_of(data, upto=len(data))
-        starts, counts, corrupt = scan_dataflash(data, layouts, wanted, progress)
+    found = scan_dataflash(data, layouts, wanted, parts, progress)
+    searched = complete and found.corrupt > found.cut  # something was not understood that is not just cut off
+    if searched and (every := layouts_of(data, upto=len(data))) != layouts:
+        layouts = every
+        found = scan_dataflash(data, layouts, wanted, parts, progress)
+    found = judged(np.frombuffer(data, np.uint8), layouts, found)
     if not layouts:
         raise InputFileError(
             where=str(path),
@@ -47,9 +59,13 @@ def read_dataflash(path: Path, *, wanted: tuple[str, ...] = WANTED, progress: Pr
     return RawLog(
         path=path,
         format="dataflash",
-        tables={layouts[kind].name: _gather(data, layouts[kind], where) for kind, where in starts.items()},
-        counts={name: int(counts[kind]) for name, kind in names.items() if counts[kind]},
-        corrupt_packets=corrupt,
+        tables={
+            layouts[kind].name: _gather(data, layouts[kind], found.place[found.kind == kind])
+            for kind in np.unique(found.kind).tolist()
+        },
+        counts={name: int(found.counts[kind]) for name, kind in names.items() if found.counts[kind]},
+        corrupt_packets=found.corrupt,
+        bytes_read=len(data) if pieces and searched else bytes_in(pieces or ()),
     )
 
 

@@ -16,6 +16,9 @@ from calibration.arrays import Ints
 
 HEAD_1, HEAD_2 = 0xA3, 0x95
 STRETCH = 1 << 22
+IN_A_ROW = 16
+"""Messages that follow each other: by chance they never do."""
+LOOK = 1 << 13
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,19 +34,18 @@ class Chain:
     damaged: bool
 
 
-def chain(data: npt.NDArray[np.uint8], at: int, length: Ints) -> Chain:
-    """The messages from `at` on, through at most STRETCH bytes of `data`, that are followed by a message each.
+def chain(data: npt.NDArray[np.uint8], at: int, edge: int, length: Ints) -> Chain:
+    """The messages from `at` on, up to the first that begins at `edge` or later, that are followed by a message each.
 
-    `length` (256,) is the whole length of each known kind, 0 of unknown ones.
+    `edge` is at most STRETCH bytes further on. `length` (256,) is the whole length of each known kind, 0 of others.
     """
-    place, kind = _heads(data, at, length)
+    place, kind = _heads(data, at, edge, length)
     if not len(place) or place[0] != at:
         return Chain(place=place[:0], kind=kind[:0], stop=at, damaged=True)
     end = place + length[kind]
     odd = np.flatnonzero(end[:-1] != place[1:])
     last = len(place) - 1
     true, i, damaged = np.zeros(len(place), dtype=np.bool_), 0, False
-    edge = min(len(data), at + STRETCH)
     while True:
         stop = int(odd[k]) if (k := int(np.searchsorted(odd, i))) < len(odd) else last
         true[i:stop] = True
@@ -60,9 +62,26 @@ def chain(data: npt.NDArray[np.uint8], at: int, length: Ints) -> Chain:
     return Chain(place=place[true], kind=kind[true], stop=int(place[stop]) if damaged else following, damaged=damaged)
 
 
-def _heads(data: npt.NDArray[np.uint8], at: int, length: Ints) -> tuple[Ints, npt.NDArray[np.uint8]]:
-    """Places from `at` on where a whole message of a known kind can start, and the kinds."""
-    part = data[at : at + STRETCH + 2]
+def first_message(data: npt.NDArray[np.uint8], at: int, stop: int, length: Ints) -> int:
+    """Where, from `at` on, the first of IN_A_ROW messages begins, or of fewer that end the file; `stop` if nowhere."""
+    for begin in range(at, stop, LOOK):
+        for place in _heads(data, begin, min(begin + LOOK, stop), length)[0].tolist():
+            if _followed(data, place, length):
+                return int(place)
+    return stop
+
+
+def _followed(data: npt.NDArray[np.uint8], at: int, length: Ints) -> bool:
+    for _ in range(IN_A_ROW):
+        if not _known(data, at, length):
+            return at == len(data)
+        at += int(length[data[at + 2]])
+    return True
+
+
+def _heads(data: npt.NDArray[np.uint8], at: int, edge: int, length: Ints) -> tuple[Ints, npt.NDArray[np.uint8]]:
+    """Places from `at` to `edge` where a whole message of a known kind can start, and the kinds."""
+    part = data[at : edge + 2]
     words = [part[i : i + (len(part) - i) // 2 * 2].view("<u2") for i in (0, 1)]
     place = np.concatenate([2 * np.flatnonzero(words[i] == (HEAD_2 << 8 | HEAD_1)) + i for i in (0, 1)])
     place.sort(kind="stable")  # two rising halves

@@ -48,10 +48,8 @@ def is_whole(
     for row, o in enumerate(range(HEAD_BYTES, size), start=1):
         cases[row, o:] = data[at + o + garbage : at + size + garbage]
     fields = cases.view(layout.dtype)[:, 0]
-    log_p = np.stack([
-        _number(fields[name], around[name]) if name in numbers else _text(fields[name], around[name])
-        for name in layout.fields
-    ])  # fmt: skip
+    told = _numbers(fields, around, numbers)
+    log_p = np.stack([told[n] if n in told else _text(fields[n], around[n]) for n in layout.fields])
     whole, broken = log_p[:, 0].sum(), log_p[:, 1:].sum(axis=0)
     widths = [np.dtype(LETTERS[letter]).itemsize for letter in layout.letters]
     begins = HEAD_BYTES + np.concatenate([[0], np.cumsum(widths)])
@@ -63,33 +61,49 @@ def is_whole(
     return bool(np.sum(np.exp(-np.maximum(odds[other], -50.0))) * ODDS < 1.0)
 
 
-def _number(value: npt.NDArray[np.generic], near: npt.NDArray[np.generic]) -> Floats:
-    """log p of each value (n,), given its neighbours (k,) in order."""
-    bits = 8 * value.dtype.itemsize
+def _numbers(fields: npt.NDArray[np.void], around: npt.NDArray[np.void], names: tuple[str, ...]) -> dict[str, Floats]:
+    """log p of each value (n,) of the named fields, given their neighbours (k,) in order; NaN there is left out."""
+    types = [fields.dtype[name] for name in names]
     with np.errstate(invalid="ignore"):  # signalling NaNs
-        x, them = value.astype(float), near.astype(float)
-    them = them[np.isfinite(them)]
-    blind = np.full(len(x), -bits * np.log(2.0))
-    if not len(them):
-        return blind
-    step = _step(x, value.dtype)
+        x, them = (
+            np.array([a[name].astype(float) for name in names]).reshape(len(names), len(a)) for a in (fields, around)
+        )
+    said = np.isfinite(them)
+    found = {}
+    for number in np.flatnonzero(~said.all(axis=1)).tolist():
+        found[names[number]] = _log_p(x[[number]], them[[number]][:, said[number]], [types[number]])[0]
+    rest = np.flatnonzero(said.all(axis=1))
+    log_p = _log_p(x[rest], them[rest], [types[i] for i in rest.tolist()])
+    return found | {names[i]: row for i, row in zip(rest.tolist(), log_p, strict=True)}
+
+
+def _log_p(x: Floats, them: Floats, types: list[np.dtype[np.generic]]) -> Floats:
+    """log p of values (f, n) of fields of these types, given neighbours (f, k)."""
+    blind = np.array([-8.0 * kind.itemsize * np.log(2.0) for kind in types])[:, None]
+    many = them.shape[1]
+    if not x.size or not many:
+        return np.broadcast_to(blind, x.shape)
+    step = _steps(x, types)
     with np.errstate(over="ignore", invalid="ignore"):
-        jump = np.abs(np.diff(them)) if len(them) > 1 else np.array([0.0])
-        scale = max(float(np.median(jump)), 0.25 * float(np.mean(jump)), 0.3 * float(np.min(_step(them, value.dtype))))
-        middle = them[(len(them) - 1) // 2 : len(them) // 2 + 1]
-        away = np.min(np.abs(x[:, None] - middle), axis=1) / scale
+        jump = np.abs(np.diff(them, axis=1)) if many > 1 else np.zeros((len(x), 1))
+        least = 0.3 * np.min(_steps(them, types), axis=1)
+        scale = np.maximum(np.maximum(np.median(jump, axis=1), 0.25 * np.mean(jump, axis=1)), least)[:, None]
+        middle = them[:, (many - 1) // 2 : many // 2 + 1]
+        away = np.min(np.abs(x[:, :, None] - middle[:, None]), axis=2) / scale
         density = 0.375 / scale * step / (1.0 + away**2 / 4.0) ** 2.5  # Student-t of 4
         p = np.where(np.isfinite(x), np.minimum(density, 1.0), 0.0)
-        seen = np.mean(x[:, None] == them, axis=1)
+        seen = np.mean(x[:, :, None] == them[:, None], axis=2)
     return np.asarray(np.log((1 - STRAY) * (0.5 * p + 0.5 * seen) + STRAY * np.exp(blind)))
 
 
-def _step(value: Floats, dtype: np.dtype[np.generic]) -> Floats:
-    """From each value (n,) to the next that the type can hold."""
-    if dtype.kind != "f":
-        return np.ones(len(value))
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(np.abs(np.spacing(value.astype(dtype))), float)
+def _steps(value: Floats, types: list[np.dtype[np.generic]]) -> Floats:
+    """From each value (f, n) to the next that its field's type can hold."""
+    step = np.ones(value.shape)
+    for kind in {kind for kind in types if kind.kind == "f"}:
+        rows = [i for i, own in enumerate(types) if own == kind]
+        with np.errstate(invalid="ignore", over="ignore"):
+            step[rows] = np.abs(np.spacing(value[rows].astype(kind)))
+    return step
 
 
 def _text(value: npt.NDArray[np.generic], near: npt.NDArray[np.generic]) -> Floats:

@@ -159,7 +159,7 @@ def _undulation(raw: RawLog) -> Undulation | None:
 
 
 def _attitude(raw: RawLog) -> AttitudeSeries | None:
-    exact = _primary_core(raw)
+    exact = primary_core(raw)
     table = denser(exact, raw.table("ATT"))
     if table is None:
         return None
@@ -171,7 +171,7 @@ def _attitude(raw: RawLog) -> AttitudeSeries | None:
     return attitude_series(source=table.name, time_s=time_of(table), ned_from_body=q)
 
 
-def _primary_core(raw: RawLog) -> MessageTable | None:
+def primary_core(raw: RawLog) -> MessageTable | None:
     """Quaternions of the estimator's core that flew, if it was the same one all the time."""
     for name, status in (("XKQ", "XKF4"), ("NKQ1", "NKF4"), ("XKQ1", "XKF4")):
         table, state = raw.table(name), raw.table(status)

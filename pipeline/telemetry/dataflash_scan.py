@@ -16,7 +16,7 @@ from pipeline.telemetry.compiled import loop
 
 HEAD_1, HEAD_2 = 0xA3, 0x95
 TIME_SPAN_US = 10_000_000
-AT, CORRUPT, LAST_TIMED = 0, 1, 2
+AT, CORRUPT, LAST_TIMED, LAST_CORRUPT = 0, 1, 2, 3
 
 
 @loop
@@ -124,9 +124,10 @@ def scan_messages(
     wanted      (256,) true for kinds to list
     counts      (256,) is added to, for every kind
     resumed     like `start`: 0, or for a doubtful message, which is not counted, where the next one begins
-    state       (3,) where to go on, how many stretches were no message, the last message with a time or -1
+    state       (4,) where to go on, how many stretches were no message, the last message with a time and the last
+                such stretch, or -1
     """
-    at, corrupt, timed = state[AT], state[CORRUPT], state[LAST_TIMED]
+    at, corrupt, timed, broken = state[AT], state[CORRUPT], state[LAST_TIMED], state[LAST_CORRUPT]
     found, room = 0, len(start)
     known = known_at(data, size, at, length)
     while at + 3 <= size and found < room:
@@ -155,9 +156,10 @@ def scan_messages(
             timed = at if time_bytes[kind] > 0 else timed
         else:
             corrupt += 1
+            broken = at
         if (known or doubtful) and wanted[kind]:
             start[found], kinds[found], resumed[found] = at, kind, doubtful
             found += 1
         at, known = following, known_next
-    state[AT], state[CORRUPT], state[LAST_TIMED] = at, corrupt, timed
+    state[AT], state[CORRUPT], state[LAST_TIMED], state[LAST_CORRUPT] = at, corrupt, timed, broken
     return found

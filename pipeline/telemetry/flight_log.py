@@ -153,6 +153,9 @@ class FlightLog:
     camera_event_s      (k,) log times of exposures, and which message says so
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
     notes               one sentence each: what a careful reader should know
+    excerpt_s           the log time that was read whole, where the rest was only sampled (`counts` and series hold what
+                        was read); None where all of it was
+    bytes_read          how many of the file's bytes were looked at for an excerpt; 0 for the whole log
     """
 
     path: Path
@@ -170,6 +173,8 @@ class FlightLog:
     record_clock: ClockFit | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
     notes: tuple[str, ...] = ()
+    excerpt_s: tuple[float, float] | None = None
+    bytes_read: int = 0
 
     def __post_init__(self) -> None:
         settle(

@@ -20,7 +20,8 @@ from calibration.arrays import Floats, Ints
 from pipeline.telemetry.flight_log import LogFormat
 from pipeline.telemetry.mapped_file import Bytes, mapped, taken
 from pipeline.telemetry.mavlink_names import WANTED, has_stamps
-from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, STRANGE, V1, walk_packets
+from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, PLACE, STRANGE, V1, walk_packets
+from pipeline.telemetry.pieces import Pieces, bytes_in, share_read
 from pipeline.telemetry.tables import Column, Growing, MessageTable, Progress, RawLog
 
 TYPES = {
@@ -39,16 +40,18 @@ def read_mavlink_fast(
     *,
     wanted: tuple[str, ...] = WANTED,
     fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+    pieces: Pieces | None = None,
     progress: Progress = None,
 ) -> RawLog:
-    """Every message of the `wanted` names in a `.tlog` or raw MAVLink file.
+    """Every message of the `wanted` names in a `.tlog` or raw MAVLink file, or in `pieces` of it.
 
     `fields` says which columns of a message are kept, where not all of them; memory grows with what is kept, not with
-    the file. Raises InputFileError where the file is missing or cannot be read.
+    the file. A piece is read from the first of its packets that others follow to the last that begins in it; places
+    in it count from the piece's first byte. Raises InputFileError where the file is missing or cannot be read.
     """
     data = mapped(path, expected="a MAVLink log")
     stamped = has_stamps(data, path)
-    found, counts, state = _scan(data, stamped, wanted, fields, progress)
+    found, counts, state = _scan(data, stamped, wanted, fields, pieces or ((0, len(data)),), progress)
     kind: LogFormat = "tlog" if stamped else "mavlink"
     names = ardupilotmega.mavlink_map
     return RawLog(
@@ -58,6 +61,7 @@ def read_mavlink_fast(
         counts={names[int(i)].msgname: int(counts[i]) for i in np.flatnonzero(counts)},
         corrupt_packets=int(state[CORRUPT]),
         notes=(f"{state[STRANGE]} packets have ids that no known dialect defines",) if state[STRANGE] else (),
+        bytes_read=bytes_in(pieces or ()),
     )
 
 
@@ -81,8 +85,9 @@ def _extra() -> Ints:
 
 
 def _scan(
-    data: Bytes, stamped: bool, wanted: tuple[str, ...], fields: Mapping[str, tuple[str, ...]], progress: Progress
-) -> tuple[dict[int, Growing], Ints, Ints]:
+    data: Bytes, stamped: bool, wanted: tuple[str, ...], fields: Mapping[str, tuple[str, ...]], pieces: Pieces,
+    progress: Progress,
+) -> tuple[dict[int, Growing], Ints, Ints]:  # fmt: skip
     """Each wanted id's table, counts by id, and the final state of `scan_packets`."""
     names = ardupilotmega.mavlink_map
     listed = np.zeros(IDS, dtype=np.bool_)
@@ -93,7 +98,7 @@ def _scan(
     tables: dict[int, Growing] = {}
 
     def keep(found: Ints) -> None:
-        share = float(state[AT]) / len(data)
+        share = share_read(pieces, int(state[AT]))
         order = np.argsort(found[:, 2].astype(np.uint16), kind="stable")  # of 16 bits: by their digits
         ids, first = np.unique(found[order, 2], return_index=True)
         for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if len(found) else [], strict=True):
@@ -108,16 +113,23 @@ def _scan(
             progress(share)
 
     global _walked_bytes
-    if _walked_bytes + len(data) <= SMALL_BYTES and "pipeline.telemetry.mavlink_scan" not in sys.modules:
+    small = pieces == ((0, len(data)),) and _walked_bytes + len(data) <= SMALL_BYTES
+    if small and "pipeline.telemetry.mavlink_scan" not in sys.modules:
         _walked_bytes += len(data)
         keep(walk_packets(data[:], int(stamped), _extra(), listed, counts, known, state))
-    if state[AT] < len(data):
-        from pipeline.telemetry.mavlink_scan import CRC_TABLE, scan_packets  # here, for numba is slow to import
+    for begin, stop in pieces:
+        if state[AT] < stop:
+            from pipeline.telemetry.mavlink_scan import CRC_TABLE, first_due, scan_packets  # numba is slow to import
 
-        room = np.empty((CHUNK, 5), dtype=np.int64)
-        while state[AT] < len(data):
-            n = scan_packets(source, len(data), int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state)
-            keep(room[:n])
+            if state[AT] < begin:
+                state[AT] = first_due(source, len(data), begin, stop, int(stamped), _extra(), CRC_TABLE)
+                state[PLACE] = begin
+            room = np.empty((CHUNK, 5), dtype=np.int64)
+            while state[AT] < stop:
+                n = scan_packets(
+                    source, len(data), stop, int(stamped), _extra(), listed, CRC_TABLE, counts, known, room, state
+                )
+                keep(room[:n])
     return tables, counts, state
 
 

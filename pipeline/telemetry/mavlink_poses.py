@@ -63,7 +63,8 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None) -> FlightLog:
     Raises InputFileError where no autopilot (or not the named one) speaks in the log.
     """
     chosen, notes = _choose(raw, system)
-    vehicle = _Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=_clock(raw, chosen))
+    clock = boot_clock(*boot_readings(raw, chosen))
+    vehicle = _Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=clock)
     notes += _clock_notes(vehicle.clock)
     utc = _utc(vehicle)
     position = _position(vehicle)
@@ -91,7 +92,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None) -> FlightLog:
 
 def _choose(raw: RawLog, system: int | None) -> tuple[tuple[int, int], list[str]]:
     """System and component of the autopilot, and what to say about the choice."""
-    votes = _votes(raw)
+    votes = votes_of(raw)
     if system is not None:
         votes = {who: n for who, n in votes.items() if who[0] == system}
     if not votes:
@@ -102,7 +103,7 @@ def _choose(raw: RawLog, system: int | None) -> tuple[tuple[int, int], list[str]
             f" ({raw.corrupt_packets} corrupt packets)",
             expected="a MAVLink log of a vehicle",
             advice="check that it is the telemetry log of the flight"
-            + ("" if system is None else f"; systems in it: {sorted({who[0] for who in _votes(raw)})}"),
+            + ("" if system is None else f"; systems in it: {sorted({who[0] for who in votes_of(raw)})}"),
         )
     best = max(votes, key=lambda who: (votes[who], -who[0], -who[1]))
     others = sorted({who[0] for who in votes} - {best[0]})
@@ -110,7 +111,7 @@ def _choose(raw: RawLog, system: int | None) -> tuple[tuple[int, int], list[str]
     return best, [said] if others else []
 
 
-def _votes(raw: RawLog) -> dict[tuple[int, int], tuple[int, int, int]]:
+def votes_of(raw: RawLog) -> dict[tuple[int, int], tuple[int, int, int]]:
     """(system, component) -> how many positions, attitudes and heartbeats it sent."""
     votes: dict[tuple[int, int], list[int]] = {}
     groups = (POSITION_MESSAGES, ("ATTITUDE", "ATTITUDE_QUATERNION"), ("HEARTBEAT",))
@@ -127,18 +128,19 @@ def _votes(raw: RawLog) -> dict[tuple[int, int], tuple[int, int, int]]:
     return {who: (n[0], n[1], n[2]) for who, n in votes.items()}
 
 
-def _clock(raw: RawLog, chosen: tuple[int, int]) -> BootClock:
+def boot_readings(raw: RawLog, chosen: tuple[int, int]) -> tuple[Ints, Floats, Floats]:
+    """Places, boot times and the recorder's times beside them, each (n,), in the order of the file."""
     asked = (raw.table(name, lambda t: (t.system == chosen[0]) & (t.component == chosen[1])) for name in BOOT_MESSAGES)
     found = [table for table in asked if table is not None]
     if not found:
-        return boot_clock(np.empty(0, np.int64), np.empty(0), np.empty(0))
+        return np.empty(0, np.int64), np.empty(0), np.empty(0)
     place = np.concatenate([table.place for table in found])
     order = np.argsort(place, kind="stable")
     boot_s, record_s = (
         np.concatenate(columns)[order]
         for columns in ([t.floats("time_boot_ms") / 1000 for t in found], [t.record_time_s for t in found])
     )
-    return boot_clock(place[order], boot_s, record_s)
+    return place[order], boot_s, record_s
 
 
 def _clock_notes(clock: BootClock) -> list[str]:
@@ -266,13 +268,19 @@ def _gimbal(vehicle: _Vehicle, body: AttitudeSeries | None) -> tuple[GimbalSerie
 
 def _one_gimbal(table: MessageTable) -> tuple[MessageTable, list[str]]:
     """The messages of the gimbal that speaks most."""
-    which = table.component.astype(np.int64) << 8 | np.nan_to_num(table.floats("gimbal_device_id")).astype(np.int64)
+    which = gimbal_of(table)
     many = np.bincount(which)
     best, kinds = int(many.argmax()), np.count_nonzero(many)
     if kinds == 1:
         return table, []
     said = f"{kinds} gimbals speak; component {best >> 8}, device {best & 255} is used"
     return table.only(which == best), [said]
+
+
+def gimbal_of(table: MessageTable) -> Ints:
+    """Which gimbal each message (n,) is of: its component * 256 + its device."""
+    device = np.nan_to_num(table.floats("gimbal_device_id")).astype(np.int64)
+    return np.asarray(table.component.astype(np.int64) << 8 | device)
 
 
 def _mount_orientation(table: MessageTable) -> tuple[Floats, Ints]:

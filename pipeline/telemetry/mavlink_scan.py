@@ -18,6 +18,8 @@ from pipeline.telemetry.compiled import loop
 from pipeline.telemetry.mavlink_walk import AT, CORRUPT, IDS, LAST_US, PLACE, STRANGE, V1, V2
 
 SIGNED = 1
+IN_A_ROW = 4
+"""Packets with the right checksum that follow each other: by chance they never do."""
 CLOSE_US = 3 * 86_400 * 1_000_000
 GOOD, UNKNOWN, BAD = 1, 0, -1
 
@@ -110,6 +112,22 @@ def next_packet(data: Any, size: int, at: int, stamped: int, extra: Any, table: 
 
 
 @loop
+def first_due(data: Any, size: int, at: int, stop: int, stamped: int, extra: Any, table: Any) -> int:
+    """Where, from `at` on, the first of IN_A_ROW good packets is due, its stamp first; `stop` if nowhere before it."""
+    for due in range(at, stop):
+        following, good = due, 0
+        while good < IN_A_ROW and following < size:
+            marker = following + 8 * stamped
+            total = packet_bytes(data, size, marker)
+            if total == 0 or checked(data, marker, total, extra, table) != GOOD:
+                break
+            following, good = marker + total, good + 1
+        if good == IN_A_ROW or (good > 0 and following == size):
+            return due
+    return stop
+
+
+@loop
 def swallows(data: Any, size: int, at: int, total: int, stamped: int, extra: Any, table: Any, known: Any) -> bool:
     """Whether the packet at `at`, behind which none follows, was cut off and runs into a good packet of a known sender.
 
@@ -139,11 +157,12 @@ def walked(data: Any, size: int, at: int, stop: int, stamped: int) -> int:
 
 @loop
 def scan_packets(
-    data: Any, size: int, stamped: int, extra: Any, wanted: Any, table: Any,
+    data: Any, size: int, stop: int, stamped: int, extra: Any, wanted: Any, table: Any,
     counts: Any, known: Any, rows: Any, state: Any,
 ) -> int:  # fmt: skip
     """Packets of the wanted ids from state[AT] on, as many as `rows` has room for; returns how many.
 
+    stop     where no packet is begun any more; `size` for all of the file
     stamped  1 where 8 bytes of time stand before every packet
     extra    (IDS,) last byte of each id's checksum, -1 for ids that are not defined
     wanted   (IDS,) true for ids to list
@@ -155,7 +174,7 @@ def scan_packets(
     """
     at, corrupt, last_us, place = state[AT], state[CORRUPT], state[LAST_US], state[PLACE]
     found, room = 0, len(rows)
-    while at < size and found < room:
+    while at < stop and found < room:
         marker = at + 8 * stamped
         total = packet_bytes(data, size, marker)
         verdict = BAD if total == 0 else checked(data, marker, total, extra, table)

@@ -9,6 +9,8 @@ from pipeline.telemetry.compiled import COMPILED
 from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.dji_srt import read_dji_srt
+from pipeline.telemetry.excerpt import Excerpt, PieceReader, read_excerpts
+from pipeline.telemetry.excerpt_formats import dataflash_pieces, tlog_pieces
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.mapped_file import mapped
 from pipeline.telemetry.mavlink_names import FIELDS
@@ -20,9 +22,18 @@ KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt"
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95", b"ULog"
 
 
-def read_log(path: Path, *, system: int | None = None, dialect: str = "", progress: Progress = None) -> FlightLog:
+def read_log(
+    path: Path,
+    *,
+    system: int | None = None,
+    dialect: str = "",
+    excerpts: tuple[Excerpt, ...] = (),
+    progress: Progress = None,
+) -> FlightLog:
     """The flight log at `path`.
 
+    With `excerpts` at least they are in it whole, and of the rest a sample, where the format (`.tlog` by the fast
+    reader, binary DataFlash) and the log (`read_excerpts`) allow; else everything is.
     `system` picks one vehicle of a MAVLink link by its system id. `dialect` names a pymavlink dialect or a file of
     message definitions (.xml) for MAVLink; "" is ardupilotmega, with the common messages, by the fast reader.
     `progress` is called with the share done, 0 to 1.
@@ -31,6 +42,10 @@ def read_log(path: Path, *, system: int | None = None, dialect: str = "", progre
     such dialect.
     """
     kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:16])
+    reader = _piece_reader(path, kind, head, system, dialect) if excerpts else None
+    excerpt = None if reader is None else read_excerpts(reader, excerpts)
+    if excerpt is not None:
+        return excerpt
     if kind in (".tlog", ".mavlink", ".mav"):
         return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system)
     if kind == ".ulg" or head.startswith(ULOG_HEAD):
@@ -47,6 +62,15 @@ def read_log(path: Path, *, system: int | None = None, dialect: str = "", progre
         expected=f"a flight log: {KNOWN}",
         advice="convert it, or give the camera's poses as a .csv",
     )
+
+
+def _piece_reader(path: Path, kind: str, head: bytes, system: int | None, dialect: str) -> PieceReader | None:
+    """How the log is read in pieces; None where its format never is."""
+    if kind == ".tlog":
+        return tlog_pieces(path, system=system) if COMPILED and not dialect else None
+    if kind in (".mavlink", ".mav", ".ulg") or head.startswith(ULOG_HEAD):
+        return None
+    return dataflash_pieces(path) if kind == ".bin" or head.startswith(DATAFLASH_HEAD) else None
 
 
 def read_mavlink(path: Path, *, dialect: str = "", progress: Progress = None) -> RawLog:

@@ -54,6 +54,11 @@ def denser(first: MessageTable | None, second: MessageTable | None) -> MessageTa
     return second if len(second) > 2 * len(first) else first
 
 
+def close_call(first: MessageTable | None, second: MessageTable | None) -> bool:
+    """Whether `denser` could choose otherwise if it saw more of the log."""
+    return first is not None and second is not None and 1.5 * len(first) < len(second) < 2.5 * len(first)
+
+
 def median_of(value: Floats, most: float) -> float:
     """Median of the values that say something (above 0, at most `most`); NaN where none does."""
     said = value[(value > 0) & (value <= most)]

@@ -103,7 +103,10 @@ def _give_room(array: Column, rows: int) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawLog:
-    """A log as its reader found it: tables by message name, and what could not be read."""
+    """A log as its reader found it: tables by message name, and what could not be read.
+
+    bytes_read  how many of the file's bytes were looked at, where it was read in pieces; else 0
+    """
 
     path: Path
     format: LogFormat
@@ -111,6 +114,7 @@ class RawLog:
     counts: Mapping[str, int]
     corrupt_packets: int = 0
     notes: tuple[str, ...] = field(default=())
+    bytes_read: int = 0
 
     def table(self, name: str, keep: Callable[[MessageTable], Bools] | None = None) -> MessageTable | None:
         """The messages of one name (those that `keep` takes); None where there is none."""
