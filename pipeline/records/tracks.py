@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,8 @@ from calibration.arrays import Bools, Floats, Ints, frozen, settle
 
 TRACKED, REACQUIRED, LOST = 0, 1, 2
 STATE_NAMES = ("tracked", "reacquired", "lost")
+TrackerName = Literal["kcf", "csrt"]
+TRACKERS: tuple[TrackerName, ...] = ("kcf", "csrt")
 
 
 @dataclass(frozen=True, kw_only=True)
