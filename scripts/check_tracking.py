@@ -1,6 +1,6 @@
 """Tracks rendered scenes with known truth, ours and OpenCV's KCF as it comes side by side, and prints the table.
 
-usage: python scripts/check_tracking.py [--seeds 14001 14002 ...] [--keep FOLDER] [--tracker csrt]
+usage: python scripts/check_tracking.py [--seeds 14001 14002 ...] [--keep FOLDER] [--tracker csrt] [--lossless]
 
 The default seeds are ten scenes: each draws its own ground, cars of 10 to 50 px, speeds, blur, noise, one occlusion of
 5 to 25 frames per car, and is compressed by H.264 at one of two qualities. Nothing was tuned on them (7001 to 7010,
@@ -195,6 +195,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=HELD_OUT)
     parser.add_argument("--keep", type=Path, help="folder in which rendered videos are kept and looked for")
     parser.add_argument("--tracker", choices=TRACKERS, default="kcf", help="ours, with this coarse tracker")
+    parser.add_argument("--lossless", action="store_true", help="videos without the errors of compression")
     arguments = parser.parse_args()
     settings = TrackingSettings(tracker=arguments.tracker)
     ours: list[Figures] = []
@@ -204,9 +205,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         for seed in arguments.seeds:
             made, crf = drawn_scene(seed)
-            path = (arguments.keep or Path(scratch)) / f"check-{seed}.mp4"
+            name, codec = (f"check-{seed}.mkv", "FFV1") if arguments.lossless else (f"check-{seed}.mp4", "h264")
+            path = (arguments.keep or Path(scratch)) / name
             if not path.exists():
-                write(render(made), path, codec="h264", crf=crf)
+                write(render(made), path, codec=codec, crf=crf)
             boxes = {car.name: first_box(made, car, first_in_view(made, car)) for car in made.cars}
             began = time.process_time()
             tracks = tracked(path, boxes, made.frames, settings)
