@@ -22,6 +22,8 @@ def run(arguments: Namespace, console: Console) -> int:
     flight, out = read_flight(arguments.flight), arguments.output
     if getattr(arguments, "method", None):
         flight = replace(flight, solve=replace(flight.solve, method=arguments.method))
+    if getattr(arguments, "tracker", None):
+        flight = replace(flight, cameras=tuple(replace(c, tracker=arguments.tracker) for c in flight.cameras))
     console.detail(f"{arguments.command}: {len(flight.cameras)} cameras, {len(flight.targets)} targets -> {out}")
     if arguments.command == "track":
         summary = run_track(flight, out, overlay=arguments.overlay, progress=console.progress)

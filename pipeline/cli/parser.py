@@ -154,6 +154,9 @@ def _flight_command(commands: Commands, name: str, what: str) -> None:
     if name == "track":
         words = "also write each video with its tracks, predictions and uncertainties drawn on it"
         parser.add_argument("--overlay", action="store_true", help=words)
+    if name in ("track", "run"):
+        words = "coarse tracker, instead of each camera's in the flight file (csrt takes six times as long)"
+        parser.add_argument("--tracker", choices=("kcf", "csrt"), help=words)
     if name in ("solve", "run"):
         methods = ("triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map")
         parser.add_argument("--method", choices=methods, help="instead of [solve] method in the flight file")

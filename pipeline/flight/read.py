@@ -22,7 +22,7 @@ from pipeline.flight.settings import (
 )
 from pipeline.flight.table import Table, nearest
 from pipeline.geometry.geodesy import Geodetic
-from pipeline.records import Box
+from pipeline.records import TRACKERS, Box
 from pipeline.records.problem import METHODS
 
 Item = TypeVar("Item")
@@ -116,6 +116,7 @@ def _camera(table: Table, name: str, folder: Path) -> CameraSettings:
         name=name,
         calibration=calibration,
         **paths,
+        tracker=table.choice("tracker", TRACKERS, "kcf"),
         dialect=_dialect(table, folder),
         pose=pose,
         start=_start(table),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.geometry.geodesy import Geodetic
-from pipeline.records import Box
+from pipeline.records import Box, TrackerName
 from pipeline.records.motion import MotionKind
 from pipeline.records.problem import ClockKind, Method, Robust
 
@@ -39,13 +39,15 @@ class MountSettings:
 class CameraSettings:
     """One `[cameras.NAME]` table.
 
-    Paths are absolute; `dialect` is a name or a path. `sigma` holds only the keys that were given, in SI units.
+    Paths are absolute; `dialect` is a name or a path. `tracker` is the coarse tracker in `video`, where there are no
+    `tracks`. `sigma` holds only the keys that were given, in SI units.
     """
 
     name: str
     calibration: Path
     video: Path | None = None
     tracks: Path | None = None
+    tracker: TrackerName = "kcf"
     telemetry: Path | None = None
     dialect: str = ""
     pose: StillPose | None = None

@@ -20,7 +20,16 @@ from pipeline.records.solution import (
     SolveStatus,
     UnitWeight,
 )
-from pipeline.records.tracks import LOST, REACQUIRED, STATE_NAMES, TRACKED, Box, ImageTrack
+from pipeline.records.tracks import (
+    LOST,
+    REACQUIRED,
+    STATE_NAMES,
+    TRACKED,
+    TRACKERS,
+    Box,
+    ImageTrack,
+    TrackerName,
+)
 from pipeline.records.truth import Truth
 
 __all__ = [
@@ -28,6 +37,7 @@ __all__ = [
     "REACQUIRED",
     "STATE_NAMES",
     "TRACKED",
+    "TRACKERS",
     "Bias",
     "Box",
     "CameraInput",
@@ -49,6 +59,7 @@ __all__ = [
     "SolveStatus",
     "SolverSettings",
     "TargetInput",
+    "TrackerName",
     "Trajectory",
     "Truth",
     "UnitWeight",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,8 @@ from calibration.arrays import Bools, Floats, Ints, frozen, settle
 
 TRACKED, REACQUIRED, LOST = 0, 1, 2
 STATE_NAMES = ("tracked", "reacquired", "lost")
+TrackerName = Literal["kcf", "csrt"]
+TRACKERS: tuple[TrackerName, ...] = ("kcf", "csrt")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,10 @@ class ImageTrack:
     xy_px     (n, 2) centre; NaN while lost
     sigma_px  (n,) per axis; NaN while lost
     state     (n,) TRACKED, REACQUIRED (first fix after a loss) or LOST
+
+    `sigma_px` is what one fix is worth, not a claim that fixes err independently: a tracker's errors last. The constant
+    and the slowest part are carried as place errors (`SightRays.place_sigma_px`), what lasts for some frames by the
+    solver's cluster-robust covariance (`Solution.motions_robust`, `shared_covariance_robust`).
     """
 
     camera: str

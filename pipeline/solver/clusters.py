@@ -3,6 +3,10 @@
 A tracker that is off by a pixel is off by about as much in the next frame, and an attitude error fades over seconds.
 The memory is the lag at which the autocorrelation of a camera's residuals (and of its frames' own pose errors) has
 fallen below a tenth; a cluster is four times that long, but never so long that fewer than `FEWEST` would be left.
+
+Residuals are less alike than the errors they come from, since what is adjusted follows the slow ones, and a short
+flight has room for few clusters. Where errors last for a tenth of a flight, robust sigmas of clocks are too small
+(`scripts/check_correlated_errors.py`); what lasts for all of it has to be a parameter, as place errors are.
 """
 
 from __future__ import annotations

@@ -147,7 +147,8 @@ def _track_keys(flight: Flight) -> dict[str, str]:
         boxes = {target: asdict(box) for target, box in boxes_of(flight, camera).items()}
         keys[name] = key_of({
             "camera": name, "video": file_hash(camera.video) if camera.video.exists() else None, "boxes": boxes,
-            "frame_rate": camera.frame_rate, "pixel": camera.sigma.get("pixel_px"), "versions": versions(),
+            "tracker": camera.tracker, "frame_rate": camera.frame_rate, "pixel": camera.sigma.get("pixel_px"),
+            "versions": versions(),
         })  # fmt: skip
     return keys
 

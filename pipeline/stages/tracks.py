@@ -16,7 +16,7 @@ from pipeline.flight import CameraSettings, Flight
 from pipeline.records import Box, ImageTrack
 from pipeline.stages.frames import VideoClock, frame_rate, video_clock, video_time_s
 from pipeline.stages.progress import Progress
-from pipeline.tracking import VideoTracks, track_video, write_overlay
+from pipeline.tracking import TrackingSettings, VideoTracks, track_video, write_overlay
 
 DEFAULT_PIXEL_SIGMA = 1.0
 PLACE_FLOOR_PX, PLACE_SHARE = 0.25, 0.01
@@ -62,7 +62,10 @@ def track_camera(
     A given `sigma.pixel` is what the median fix is worth; the tracker's own sigmas then say how the others differ.
     """
     assert camera.video is not None
-    found = track_video(camera.video, camera=camera.name, boxes=boxes_of(flight, camera), progress=progress)
+    settings = TrackingSettings(tracker=camera.tracker)
+    found = track_video(
+        camera.video, camera=camera.name, boxes=boxes_of(flight, camera), settings=settings, progress=progress
+    )
     scale = found.frame_rate / (camera.frame_rate or found.frame_rate)
     every = np.concatenate([track.sigma_px[track.seen] for track in found.tracks])
     given = camera.sigma.get("pixel_px")

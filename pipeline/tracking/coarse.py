@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from calibration.arrays import Floats
-from pipeline.tracking.settings import TrackerName
+from pipeline.records import TrackerName
 from pipeline.tracking.template import Warp
 from pipeline.tracking.video import Image
 

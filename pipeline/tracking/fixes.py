@@ -29,6 +29,9 @@ def sigma_px_of(found: Alignment, template: Template) -> float:
 
     The second grows where what was found differs more from the template than the target usually does.
 
+    It is the root mean square of a single fix's error. Errors are alike from frame to frame, so that the mean of many
+    fixes is not known better by the root of their number; what follows from that is the solver's (`ImageTrack`).
+
     The last grows with how much larger, smaller or more slanted the target looks than in its first box; it is the same
     from one frame to the next.
     """

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-TrackerName = Literal["kcf", "csrt"]
+from pipeline.records import TrackerName
 
 
 @dataclass(frozen=True, kw_only=True)

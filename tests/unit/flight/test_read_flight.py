@@ -17,6 +17,7 @@ reference_camera = "uav2"
 [cameras.uav1]
 calibration = "uav1.json"
 video = "uav1.mp4"
+tracker = "csrt"
 telemetry = "uav1.tlog"
 start = 12.34
 frame_rate = 25.0
@@ -62,6 +63,7 @@ def test_every_key_arrives_in_si_units(tmp_path):
     assert found.reference_camera == "uav2"
     assert found.origin.lat_rad == pytest.approx(math.radians(28.2))
     assert (one.video, one.telemetry) == (tmp_path / "uav1.mp4", tmp_path / "uav1.tlog")
+    assert (one.tracker, two.tracker) == ("csrt", "kcf")
     assert one.start == 12.34
     assert one.offset_s is None
     assert one.mount.pitch_rad == pytest.approx(math.radians(-30))
@@ -104,6 +106,8 @@ def test_box_centre_is_in_pixel_centre_coordinates():
         (CAMERA + "mount = { pitch = 3 }\n", "cameras.uav1.mount.pitch", "pitch_deg"),
         (CAMERA + "lever_arm_m = [1, 2]\n", "cameras.uav1.lever_arm_m", "3 numbers"),
         (CAMERA + "pose = { east_m = 1 }\n", "cameras.uav1.pose.north_m", "yaw_deg"),
+        (CAMERA + 'tracker = "CSRT"\n', "cameras.uav1.tracker", "kcf"),
+        (CAMERA + "tracker = 2\n", "cameras.uav1.tracker", "csrt"),
         (CAMERA + 'clock = "cheap"\n', "cameras.uav1.clock", "affine"),
         (CAMERA + "video = 3\n", "cameras.uav1.video", "quotes"),
         (CAMERA + "[cameras.uav1.sigma]\npixel = 0\n", "cameras.uav1.sigma.pixel", "above 0"),
