@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -141,6 +142,7 @@ def _columns(template: Template) -> Pixels:
     return out.reshape(10, -1)
 
 
+@lru_cache(maxsize=64)
 def _prior(looseness: float) -> Floats:
     """Diagonal of the prior's information on the step (10,)."""
     brightness = np.full(3, BRIGHTNESS_SIGMA)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.tracking.align import Alignment, align
 from pipeline.tracking.background import Scene, moved
+from pipeline.tracking.changed import changed
 from pipeline.tracking.followed import Followed
 from pipeline.tracking.template import DOUBT, Pixels, Warp, over_ground, sample
 from pipeline.tracking.video import Image
@@ -54,7 +54,7 @@ def difference_from_scene(target: Followed, found: Alignment, scene: Scene, leas
         return None
     template = target.template
     ground = ground_behind(target, scene, least_px, found.warp, template.shape, template.step_px)
-    return None if ground is None else np.asarray(((ground - found.raw) ** 2).mean(axis=2), np.float32)
+    return None if ground is None else mean_square(ground, found.raw)
 
 
 def odds_against_scene(target: Followed, found: Alignment, scene: Scene, least_px: float) -> tuple[float, float] | None:
@@ -84,9 +84,16 @@ def aligned(target: Followed, scene: Scene, start: Warp, looseness: float) -> Al
     if ground is None:
         return align(scene.pixels, template, start, start.linear, looseness)
     found = align(scene.pixels, over_ground(template, ground), start, start.linear, looseness)
-    residual = ((found.seen - template.pixels) ** 2).mean(axis=2)
-    return replace(found, residual=np.asarray(residual, np.float32))
+    return changed(found, residual=mean_square(found.seen, template.pixels))
+
+
+def mean_square(one: Pixels, other: Pixels) -> Pixels:
+    """Squared difference (h, w) of pictures (h, w, 3), mean over the colours."""
+    apart = one - other
+    apart *= apart
+    return np.asarray((apart[..., 0] + apart[..., 1] + apart[..., 2]) / np.float32(3.0), np.float32)
 
 
 def _inside_image(point_px: Floats, image: Image) -> bool:
-    return bool(np.all(point_px >= 0) and point_px[0] < image.shape[1] and point_px[1] < image.shape[0])
+    x, y = point_px.tolist()
+    return bool(0 <= x < image.shape[1] and 0 <= y < image.shape[0])

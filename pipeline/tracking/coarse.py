@@ -10,7 +10,7 @@ KCF trains, but does not search, in its first update; it is therefore shown its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import cv2
@@ -18,6 +18,7 @@ import numpy as np
 
 from calibration.arrays import Floats
 from pipeline.records import TrackerName
+from pipeline.tracking.changed import changed
 from pipeline.tracking.template import Warp
 from pipeline.tracking.video import Image
 
@@ -54,14 +55,19 @@ class Coarse:
     @property
     def centre(self) -> Floats:
         """Of the box, chip coordinates."""
-        x, y, w, h = self.box
-        return np.array([x + (w - 1) / 2, y + (h - 1) / 2])
+        return np.array(_middle(self.box))
 
     @property
     def strayed(self) -> bool:
         """Whether the box has moved so far from the chip's middle that it will soon see the chip's edge."""
-        middle = (np.array(self.chip_px) - 1) / 2
-        return bool(np.any(np.abs(self.centre - middle) > np.array(self.box[2:]) * 0.45))
+        x, y = _middle(self.box)
+        width, height = self.chip_px
+        return abs(x - (width - 1) / 2) > self.box[2] * 0.45 or abs(y - (height - 1) / 2) > self.box[3] * 0.45
+
+
+def _middle(box: tuple[int, int, int, int]) -> tuple[float, float]:
+    x, y, w, h = box
+    return x + (w - 1) / 2, y + (h - 1) / 2
 
 
 def start_coarse(name: TrackerName, image: Image, warp: Warp, size_px: tuple[float, float]) -> Coarse:
@@ -85,7 +91,7 @@ def look(coarse: Coarse, image: Image, predicted: Warp) -> tuple[Coarse, Floats 
     if not good:
         return coarse, None
     x, y, w, h = (round(v) for v in box)
-    after = replace(coarse, box=(x, y, w, h))
+    after = changed(coarse, box=(x, y, w, h))
     return after, predicted.centre_px + predicted.linear @ (after.centre - before) / coarse.scale
 
 

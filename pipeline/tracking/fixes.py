@@ -12,16 +12,10 @@ from pipeline.tracking.template import Template
 SIGMA_FLOOR_PX, VIEW_SHARE = 0.05, 0.01
 
 
-def fix_of(frame: int, found: Alignment, template: Template) -> Fix:
+def fix_of(frame: int, found: Alignment, sigma_px: float) -> Fix:
     """The fix that an alignment is worth."""
-    x, y = found.warp.centre_px
-    return Fix(
-        frame=frame,
-        xy_px=(float(x), float(y)),
-        linear=found.warp.linear,
-        sigma_px=sigma_px_of(found, template),
-        score=found.score,
-    )
+    x, y = found.warp.centre_px.tolist()
+    return Fix(frame=frame, xy_px=(x, y), linear=found.warp.linear, sigma_px=sigma_px, score=found.score)
 
 
 def sigma_px_of(found: Alignment, template: Template) -> float:

@@ -11,7 +11,6 @@ hidden    no learning; the region where the target can be is searched (`search`)
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,6 +20,7 @@ from pipeline.records import Box
 from pipeline.tracking.align import Alignment
 from pipeline.tracking.background import Scene
 from pipeline.tracking.behind import LEAST_AWAY_PX, aligned, behind_of, difference_from_scene
+from pipeline.tracking.changed import changed
 from pipeline.tracking.coarse import look, start_coarse
 from pipeline.tracking.fixes import SIGMA_FLOOR_PX, fix_of, sigma_px_of
 from pipeline.tracking.followed import Doubt, Fix, Followed
@@ -55,7 +55,7 @@ def begin(image: Image, box: Box, settings: TrackingSettings, known: Followed | 
         coarse=start_coarse(settings.tracker, image, Warp(linear=np.eye(2), centre_px=centre), size),
     )
     if known is not None:
-        target = replace(
+        target = changed(
             target, template=informed(template, known.template), usual=known.usual, fixes=known.fixes,
             travelled_px=known.travelled_px,
         )  # fmt: skip
@@ -74,30 +74,30 @@ def follow(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple[
     if found is None:
         return _lost(target, scene), ()
     elsewhere = not can_be_there(target, found)
-    target = _learned(target, image, found, scene, settings)
-    fix = fix_of(frame, found, target.template)
+    target = _learned(target, image, found, scene, settings, elsewhere)
+    fix = fix_of(frame, found, target.sigma_px)
     if target.doubt is None:
         return target, (fix,)
     if elsewhere:
-        return replace(target, pending=(fix,), doubt=replace(target.doubt, anchor_px=found.warp.centre_px)), ()
+        return changed(target, pending=(fix,), doubt=changed(target.doubt, anchor_px=found.warp.centre_px)), ()
     pending, doubt = (*target.pending, fix), target.doubt.later(scene)
     as_usual = max(f.score for f in pending) > target.usual[0] - IN_DOUBT / 2
     if len(pending) <= (doubt.frames if as_usual else MOST_PENDING):
-        return replace(target, pending=pending, doubt=doubt), ()
+        return changed(target, pending=pending, doubt=doubt), ()
     if doubt.stands_still(found.warp.centre_px):
         return doubt.otherwise, ()
-    return replace(target, pending=(), doubt=None), pending
+    return changed(target, pending=(), doubt=None), pending
 
 
 def _carried(target: Followed, scene: Scene) -> Followed:
     """Where and how a target should be now; of one that was found in doubt, also if that was a mistake."""
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
     doubt = target.doubt
-    return replace(
+    return changed(
         target, course=course, linear=jacobian @ target.linear @ _rotation(target.spin * scene.dt_s),
         spin=target.spin * math.exp(-scene.dt_s / SPIN_LASTS_S) if target.hidden else target.spin,
         lost_s=target.lost_s + scene.dt_s if target.hidden else target.lost_s,
-        doubt=None if doubt is None else replace(doubt, otherwise=_carried(doubt.otherwise, scene)),
+        doubt=None if doubt is None else changed(doubt, otherwise=_carried(doubt.otherwise, scene)),
     )  # fmt: skip
 
 
@@ -107,9 +107,9 @@ def _lost(target: Followed, scene: Scene) -> Followed:
         was = target.doubt.otherwise
         if len(target.pending) <= target.doubt.frames:
             return was
-        return replace(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=was.lost_s)
+        return changed(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=was.lost_s)
     speed = float(np.hypot(*target.course.velocity))
-    return replace(
+    return changed(
         target, hidden=True, coarse=None, lost_s=scene.dt_s, scale_when_lost=target.scale, speed_when_lost=speed
     )
 
@@ -123,10 +123,10 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     start = None
     if target.coarse is not None:
         coarse, start = look(target.coarse, image, predicted)
-        target = replace(target, coarse=coarse)
+        target = changed(target, coarse=coarse)
     found = None
     if start is not None:
-        found = aligned(target, scene, replace(predicted, centre_px=start), 1.0)
+        found = aligned(target, scene, changed(predicted, centre_px=start), 1.0)
         if holds(target, found, scene, settings.accept_score, TO_LEARN):
             return target, _put_right(target, found, scene)
     reach = 4.0 + 3.0 * target.course.sigma_px
@@ -138,7 +138,7 @@ def _looked(target: Followed, scene: Scene, settings: TrackingSettings) -> tuple
     least = min(NEW_SCORE, settings.accept_score) if target.new else settings.accept_score
     good = [a for a in (found, *near) if a is not None and holds(target, a, scene, least, TO_FOLLOW)]
     best = max(good, key=lambda a: merit(target, a, scene), default=None)
-    target = target if best is found else replace(target, coarse=None)
+    target = target if best is found else changed(target, coarse=None)
     return target, best if best is None else _put_right(target, best, scene)
 
 
@@ -153,7 +153,7 @@ def _put_right(target: Followed, found: Alignment, scene: Scene) -> Alignment:
         others = matches_nearby(scene.pixels, target.template, found.warp, reach, reach, refined, behind=behind)
     else:
         turned = [found.warp.linear @ _rotation(turn) for turn in OTHER_TURNS_RAD]
-        others = [refined(replace(found.warp, linear=linear)) for linear in turned]
+        others = [refined(changed(found.warp, linear=linear)) for linear in turned]
     least = max(found.score + LEAST_GAIN, target.usual[0] - MOST_SHORT)
     better = [other for other in others if other.score > least and other.inside == 1.0]
     return max(better, key=lambda a: a.score, default=found)
@@ -164,7 +164,7 @@ def _searched(
 ) -> tuple[Followed, tuple[Fix, ...]]:
     """A hidden target: the whole region in which it can be."""
     if target.lost_s > settings.longest_loss_s or not _can_return(target, image):
-        return replace(target, gone=True), ()
+        return changed(target, gone=True), ()
     if not _in_view(target.course, image):
         return target, ()
     predicted = Warp(linear=target.linear, centre_px=target.course.position_px)
@@ -182,10 +182,9 @@ def _searched(
     found = _put_right(target, found, scene)
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
     doubt = Doubt(otherwise=target, frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
-    target = replace(target, hidden=False, coarse=None, doubt=doubt)
-    return replace(
-        _learned(target, image, found, scene, settings, learn=False), pending=(fix_of(frame, found, target.template),)
-    ), ()
+    target = changed(target, hidden=False, coarse=None, doubt=doubt)
+    target = _learned(target, image, found, scene, settings, not can_be_there(target, found), learn=False)
+    return changed(target, pending=(fix_of(frame, found, target.sigma_px),)), ()
 
 
 def _turns(lost_s: float) -> int:
@@ -209,9 +208,13 @@ def _in_view(course: Course, image: Image) -> bool:
 
 
 def _learned(
-    target: Followed, image: Image, found: Alignment, scene: Scene, settings: TrackingSettings, learn: bool = True
-) -> Followed:
-    """The target after an accepted fix: course, shape, look, and a coarse tracker that is where the fix is."""
+    target: Followed, image: Image, found: Alignment, scene: Scene, settings: TrackingSettings, elsewhere: bool,
+    learn: bool = True,
+) -> Followed:  # fmt: skip
+    """The target after an accepted fix: course, shape, look, and a coarse tracker that is where the fix is.
+
+    elsewhere  whether it was put right to where its course could not have led
+    """
     quality = np.array([found.score, found.agreeing])
     whole = bool(np.all(quality >= target.usual - TO_LEARN))
     template = target.template
@@ -230,10 +233,11 @@ def _learned(
     if learn and scene.dt_s > 0 and abs(turned) < LARGEST_TURN_RAD:
         spin = float(np.clip(spin + SPIN_RATE * turned / scene.dt_s, -MOST_SPIN, MOST_SPIN))
     course = target.course
-    if not can_be_there(target, found):  # it was put right
-        course = replace(course, position_px=found.warp.centre_px)
-    course = corrected(course, found.warp.centre_px, max(0.1, sigma_px_of(found, template)))
-    return replace(
+    if elsewhere:
+        course = changed(course, position_px=found.warp.centre_px)
+    sigma_px = sigma_px_of(found, template)
+    course = corrected(course, found.warp.centre_px, max(0.1, sigma_px))
+    return changed(
         target,
         template=template,
         linear=found.warp.linear,
@@ -243,7 +247,8 @@ def _learned(
         usual=target.usual + usual_rate * (quality - target.usual),
         lost_s=0.0,
         fixes=target.fixes + 1,
-        travelled_px=target.travelled_px + float(np.hypot(*course.velocity)) * scene.dt_s,
+        travelled_px=target.travelled_px + math.hypot(*course.velocity.tolist()) * scene.dt_s,
+        sigma_px=sigma_px,
     )
 
 
@@ -260,5 +265,6 @@ def _rotation(angle_rad: float) -> Floats:
 
 def _turned(linear: Floats, predicted: Floats) -> float:
     """How much further than predicted a target has turned, radians."""
-    (a, b), (c, d) = (np.linalg.inv(predicted) @ linear).tolist()
+    (p, q), (r, s) = predicted.tolist()
+    (a, b), (c, d) = (np.array([[s, -q], [-r, p]]) @ linear / (p * s - q * r)).tolist()
     return math.atan2(c - b, a + d)

@@ -69,6 +69,7 @@ class Followed:
     hidden, gone  not seen now; not looked for any more
     spin     how fast it turns against the scene, rad/s
     fixes, travelled_px  so far; the way is over the ground
+    sigma_px  of the last fix
     """
 
     template: Template
@@ -86,6 +87,7 @@ class Followed:
     pending: tuple[Fix, ...] = ()
     fixes: int = 0
     travelled_px: float = 0.0
+    sigma_px: float = 0.0
 
     @property
     def scale(self) -> float:

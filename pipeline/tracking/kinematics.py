@@ -32,7 +32,7 @@ class Course:
     @property
     def sigma_px(self) -> float:
         """Of the position, per axis."""
-        return float(np.sqrt(self.covariance[0, 0]))
+        return math.sqrt(self.covariance[0, 0])
 
 
 def first_course(position_px: Floats, length_px: float) -> Course:

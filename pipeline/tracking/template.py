@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from calibration.arrays import Bools, Floats
+from pipeline.tracking.changed import changed
 from pipeline.tracking.video import Image
 
 Pixels = npt.NDArray[np.float32]
@@ -184,7 +185,7 @@ def adapted(template: Template, seen: Pixels, residual: Pixels, rate: float, spr
     """
     share = np.where(template.proven, np.float32(spread_rate if rate > 0 else 0.0), np.float32(spread_rate))
     spread = template.spread + share * (np.minimum(residual, LARGEST_SPREAD) - template.spread)
-    return replace(
+    return changed(
         template,
         pixels=template.pixels + np.float32(rate) * (seen - template.pixels),
         spread=np.maximum(spread, NOISE_SPREAD / 4).astype(np.float32),
@@ -197,7 +198,7 @@ def over_ground(template: Template, ground: Pixels) -> Template:
     pixels = ground + own[:, :, None] * (template.pixels - ground)
     spread = GROUND_SPREAD + own * (template.spread - GROUND_SPREAD)
     every = np.ones_like(template.own)
-    return replace(template, pixels=pixels, spread=np.maximum(spread, NOISE_SPREAD / 4), own=every)
+    return changed(template, pixels=pixels, spread=np.maximum(spread, NOISE_SPREAD / 4), own=every)
 
 
 def contrasted(template: Template, difference: Pixels, rate: float) -> Template:
@@ -206,4 +207,4 @@ def contrasted(template: Template, difference: Pixels, rate: float) -> Template:
     compared = template.compared + rate * (1.0 - template.compared)
     told = np.clip(apart / (compared * (template.spread + NOISE_SPREAD)) - 0.5, LEAST_OWN, 1.5)
     own = 1.0 + min(1.0, KNOWN * compared) * (told / told.max() - 1.0)
-    return replace(template, apart=apart.astype(np.float32), own=own.astype(np.float32), compared=compared)
+    return changed(template, apart=apart.astype(np.float32), own=own.astype(np.float32), compared=compared)

@@ -30,9 +30,10 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
     """Verification: it is where the target can be, it looks like the target, and not like the scene behind it."""
     if not can_be_there(target, found):
         return False
-    seen = np.array([found.score, found.agreeing])
-    if not target.hidden and np.all(seen >= np.maximum([least_score, LEAST_AGREEING], target.usual - TO_LEARN)):
+    score, agreeing = (target.usual - TO_LEARN).tolist()
+    if not target.hidden and found.score >= max(least_score, score) and found.agreeing >= max(LEAST_AGREEING, agreeing):
         return True
+    seen = np.array([found.score, found.agreeing])
     odds = odds_against_scene(target, found, scene, 1.5 * LEAST_AWAY_PX if target.hidden else LEAST_AWAY_PX)
     whole, partly = odds or (1.0, math.inf)
     if partly < (RETURN_ODDS if target.hidden else FOLLOW_ODDS):
@@ -50,23 +51,26 @@ def holds(target: Followed, found: Alignment, scene: Scene, least_score: float, 
 def can_be_there(target: Followed, found: Alignment) -> bool:
     """Whether a target can have come there and look that large; most of it has to be in the image."""
     size, scale = target.template.size, found.warp.scale
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
     return (
         found.inside >= LEAST_INSIDE
-        and off < GATE_SIGMAS * math.hypot(target.course.sigma_px, FIX_PX) + GATE_SIZE * size * scale
+        and _off_px(target, found) < GATE_SIGMAS * math.hypot(target.course.sigma_px, FIX_PX) + GATE_SIZE * size * scale
         and 0.7 < scale / target.scale < 1.4
     )
 
 
+def _off_px(target: Followed, found: Alignment) -> float:
+    """How far from where it was predicted a target was found."""
+    return math.dist(found.warp.centre_px.tolist(), target.course.position_px.tolist())
+
+
 def _expected(target: Followed, found: Alignment) -> bool:
     """Whether it is just where it was expected, and was seen not long ago."""
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
-    return off < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
+    return _off_px(target, found) < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
 
 
 def merit(target: Followed, found: Alignment, scene: Scene) -> float:
     """What speaks for one of several alignments: its look, its odds against the scene, its nearness."""
     odds = odds_against_scene(target, found, scene, LEAST_AWAY_PX)
-    off = float(np.hypot(*(found.warp.centre_px - target.course.position_px)))
+    off = _off_px(target, found)
     told = 0.0 if odds is None else ODDS_MERIT * math.log(min(max(odds[0], 0.3), 10.0))
     return found.score + told - AWAY_DEMERIT * (off / math.hypot(target.course.sigma_px, FIX_PX)) ** 2
