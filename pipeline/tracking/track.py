@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice, repeat
@@ -22,9 +22,9 @@ from pipeline.tracking.background import Scene, scenes
 from pipeline.tracking.backwards import frames_back
 from pipeline.tracking.follow import begin, follow
 from pipeline.tracking.followed import Fix, Followed
-from pipeline.tracking.records import VideoTracks
+from pipeline.tracking.records import VideoTimes, VideoTracks
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.video import VideoHead, frames_of, video_head, video_times
+from pipeline.tracking.video import Frame, VideoHead, frames_of, head_of, opened_to_the_end, video_times
 
 LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
 PART_FRAMES = 4  # handed to the targets' threads at a time
@@ -54,14 +54,16 @@ def track_video(
     practically no fix).
     """
     settings = settings or TrackingSettings()
-    head = video_head(path)
+    capture = opened_to_the_end(path)
+    head = head_of(capture, path)
     for name, box in boxes.items():
         _check_box(box, f"targets.{name}.boxes.{camera}", head.image_size)
     back = max((box.frame for box in boxes.values()), default=0)
     tell = None if progress is None else _counted(progress, back)
     with _one_thread(), ThreadPoolExecutor(max(1, min(len(boxes), os.cpu_count() or 1))) as pool:
         follower = _Follower(boxes=boxes, settings=settings, pool=pool)
-        video = _forwards(path, follower, tell, head)
+        frames = frames_of(path, times := pool.submit(video_times, path, head), capture)
+        video = _forwards(frames, times, follower, tell, head)
         for name, box in boxes.items():
             _check_frame(box, f"targets.{name}.boxes.{camera}", len(video.time_s), path)
         _backwards(path, follower, video, back, tell, head)
@@ -155,14 +157,15 @@ class _Follower:
         return target, fixes
 
 
-def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
+def _forwards(
+    frames: Iterator[Frame], known: Future[VideoTimes], follower: _Follower, tell: Counter | None, head: VideoHead
+) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
-    times, missing = array("d"), 0
-    known_s, woven = video_times(path, head).frame_time_s, False
+    times, missing, woven = array("d"), 0, False
     notes: list[str] = []
     size = (0, 0)
     part: list[Scene] = []
-    found = ahead(scenes(frames_of(path, known_s)), PART_FRAMES)
+    found = ahead(scenes(frames), PART_FRAMES)
     for scene in found:
         now = scene.pixels.shape[1], scene.pixels.shape[0]
         size = size if times else now
@@ -172,7 +175,7 @@ def _forwards(path: Path, follower: _Follower, tell: Counter | None, head: Video
         part.append(scene)
         woven = scene.woven
         missing += scene.frame - len(times)
-        times.extend(known_s[len(times) : scene.frame])
+        times.extend(known.result().frame_time_s[len(times) : scene.frame])
         times.append(scene.time_s)
         if len(part) == PART_FRAMES:
             follower.go_on(part)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from array import array
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
@@ -25,6 +26,7 @@ from pipeline.tracking.records import VideoTimes
 
 Image = npt.NDArray[np.uint8]
 AHEAD = 6  # frames decoded in advance
+THREADS_EACH, FEWEST_THREADS, MOST_THREADS = 3, 4, 16  # FFmpeg's for each processor: some wait for others' frames
 MOST_REFUSED = 64  # times that a reader is asked for what lies behind something broken
 SAME_S = 2e-3  # times closer than that are the same
 JUDGED_FRAMES = 6
@@ -74,20 +76,23 @@ def video_head(path: Path) -> VideoHead:
     Raises InputFileError where there is no video.
     """
     capture = opened(path)
-    head = _head(capture, path)
+    head = head_of(capture, path)
     capture.release()
     return head
 
 
-def frames_of(path: Path, frame_time_s: Floats | None = None) -> Iterator[Frame]:
+def frames_of(
+    path: Path, times: VideoTimes | Future[VideoTimes] | None = None, capture: cv2.VideoCapture | None = None
+) -> Iterator[Frame]:
     """Every frame that decodes, in order; a thread decodes ahead, memory is constant.
 
-    frame_time_s  of `video_times`, where it is known already
+    times    of `video_times`, where they are known already, or are being read
+    capture  the video, where it is open already, at its beginning; it is released at the end
 
     Raises InputFileError where there is no video or not a single frame, or OpenCV leaves its pictures unconverted.
     """
-    times = video_times(path).frame_time_s if frame_time_s is None else frame_time_s
-    yield from ahead(_one_moment(_decoded(path, times), path), AHEAD)
+    known = times or video_times(path)
+    yield from ahead(_one_moment(_decoded(path, known, capture or opened_to_the_end(path)), path), AHEAD)
 
 
 def _one_moment(frames: Iterator[Frame], path: Path) -> Iterator[Frame]:
@@ -110,17 +115,17 @@ def first_stamp_s(path: Path) -> float:
     return float(stamp)
 
 
-def _decoded(path: Path, times: Floats) -> Iterator[Frame]:
+def _decoded(path: Path, known: VideoTimes | Future[VideoTimes], capture: cv2.VideoCapture) -> Iterator[Frame]:
     """Frames by their place among the container's times, so that one that does not decode leaves its number free."""
-    capture = opened(path)
     try:
-        head = _head(capture, path)
+        head = head_of(capture, path)
         rate = head.frame_rate
         index, first, last = -1, 0.0, -1.0
         for stamp in grabbed(capture, head):
             read = capture.retrieve()
             if not read[0]:
                 continue
+            times = known.result().frame_time_s if isinstance(known, Future) else known.frame_time_s
             first = stamp if index < 0 else first
             time_s = stamp - first
             if index >= 0 and time_s <= last:  # a container without times
@@ -178,7 +183,7 @@ def _told_woven(first: list[Image], path: Path) -> bool:
     """Whether the first pictures are woven; pictures that never change are not the video's."""
     if len(first) == JUDGED_FRAMES and all(np.array_equal(first[0], other) for other in first[1:]):
         capture = opened(path)
-        frames, early = _head(capture, path).frames, capture.read()
+        frames, early = head_of(capture, path).frames, capture.read()
         capture.set(cv2.CAP_PROP_POS_FRAMES, frames // 2)
         later = capture.read()
         capture.release()
@@ -227,7 +232,17 @@ def opened(path: Path, parameters: list[int] | None = None) -> cv2.VideoCapture:
     return capture
 
 
-def _head(capture: cv2.VideoCapture, path: Path) -> VideoHead:
+def opened_to_the_end(path: Path) -> cv2.VideoCapture:
+    """The video as `opened`, for decoding all of it in order: with more threads ahead than there are processors.
+
+    Raises InputFileError where it is none.
+    """
+    threads = min(max(FEWEST_THREADS, THREADS_EACH * (os.cpu_count() or 1)), MOST_THREADS)
+    return opened(path, [cv2.CAP_PROP_N_THREADS, threads])
+
+
+def head_of(capture: cv2.VideoCapture, path: Path) -> VideoHead:
+    """`video_head` of an open video."""
     rate = capture.get(cv2.CAP_PROP_FPS)
     size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
     if min(size) < 1:
