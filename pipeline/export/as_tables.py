@@ -13,7 +13,7 @@ import numpy as np
 from calibration.arrays import Floats
 from pipeline.export.cells import Cell, rounded, significant, table, utc_texts
 from pipeline.export.places import geodetic_degrees
-from pipeline.records import Clock, Results, Trajectory
+from pipeline.records import Clock, Results, Solution, Trajectory
 
 TIMING_COLUMNS = ("camera", "offset_s", "offset_sigma_s", "frame_rate", "frame_rate_sigma")
 CLOCK_COLUMNS = ("camera", "frame", "deviation_s", "deviation_sigma_s")
@@ -29,18 +29,34 @@ _UPPER = np.triu_indices(3)
 
 
 def timing_csv(results: Results) -> str:
-    """The clock of every camera: common time = f / frame_rate + offset_s (paper eq. 2); sigma 0 where it was held."""
+    """The clock of every camera: common time = f / frame_rate + offset_s (paper eq. 2); sigma 0 where it was held.
+
+    Sigmas are the larger of the plain and the cluster-robust one: a tracker's fixes do not err independently.
+    """
     clocks = results.solution.clocks
+    offset_sigma, rate_sigma = _clock_sigmas(results.solution)
     return table(
         TIMING_COLUMNS,
         [
             [c.camera for c in clocks],
             rounded(np.array([c.offset_s for c in clocks]), 9),
-            significant(np.array([c.offset_sigma_s for c in clocks]), 9),
+            significant(offset_sigma, 9),
             rounded(np.array([c.frame_rate for c in clocks]), 9),
-            significant(np.array([c.frame_rate_sigma for c in clocks]), 9),
+            significant(rate_sigma, 9),
         ],
     )
+
+
+def _clock_sigmas(solution: Solution) -> tuple[Floats, Floats]:
+    """Of every camera's offset (C,) seconds and frame rate (C,) Hz: the larger of plain and robust, where there are
+    both."""
+    robust = solution.shared_covariance_robust
+    sigma = [] if robust is None else np.sqrt(np.diagonal(robust)).tolist()
+    known = dict(zip(solution.shared_names, sigma, strict=False))
+    plain = ([c.offset_sigma_s for c in solution.clocks], [c.frame_rate_sigma for c in solution.clocks])
+    also = ([known.get(f"{c.camera}.{what}", 0.0) for c in solution.clocks] for what in ("offset_s", "frame_rate"))
+    offset, rate = (np.fmax(p, a) for p, a in zip(plain, also, strict=True))
+    return offset, rate
 
 
 def clock_csv(results: Results) -> str | None:

@@ -147,6 +147,18 @@ def test_timing_and_drift_give_back_the_clock() -> None:
     np.testing.assert_allclose(common, clock.common_time_s(frame / clock.nominal_rate), atol=1e-9)
 
 
+@pytest.mark.parametrize(("share", "wanted"), [(0.25, 1.0), (9.0, 3.0)])
+def test_timing_tells_the_larger_of_plain_and_robust_sigmas(share: float, wanted: float) -> None:
+    results = tiny_results()
+    clock = results.solution.clock("uav2")
+    names = ("uav2.offset_s", "uav2.frame_rate")
+    robust = share * np.diag([clock.offset_sigma_s**2, clock.frame_rate_sigma**2])
+    solution = dataclasses.replace(results.solution, shared_names=names, shared_covariance_robust=robust)
+    timing = table(timing_csv(dataclasses.replace(results, solution=solution))).set_index("camera").loc["uav2"]
+    assert timing.offset_sigma_s == pytest.approx(wanted * clock.offset_sigma_s)
+    assert timing.frame_rate_sigma == pytest.approx(wanted * clock.frame_rate_sigma)
+
+
 def test_trajectory_says_what_the_record_says() -> None:
     results = tiny_results()
     found = table(trajectory_csv(results))
