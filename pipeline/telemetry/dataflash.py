@@ -129,7 +129,7 @@ def _text_layout(values: list[str]) -> Layout:
 def _text_table(layout: Layout, rows: list[tuple[int, list[str]]]) -> MessageTable:
     text = np.array([values for _, values in rows])
     columns = {
-        name: text[:, i].astype("S") if letter in "nNZa" else _parsed(text[:, i])
+        name: np.char.encode(text[:, i], "ascii", "replace") if letter in "nNZa" else _parsed(text[:, i])
         for i, (name, letter) in enumerate(zip(layout.fields, layout.letters, strict=False))
     }
     return _table(layout.name, np.array([place for place, _ in rows], dtype=np.int64), columns)

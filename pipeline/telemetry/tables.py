@@ -41,8 +41,8 @@ class MessageTable:
         return field_name in self.columns
 
     def floats(self, field_name: str) -> Floats:
-        """One field as float64; NaN throughout where this version of the message has no such field."""
-        if field_name not in self.columns:
+        """One field as float64; NaN throughout where this version of the message has no such field or calls it text."""
+        if field_name not in self.columns or self.columns[field_name].dtype.kind == "S":
             return np.full(len(self), np.nan)
         with np.errstate(invalid="ignore"):  # a signalling NaN in a broken message is a NaN
             return np.asarray(self.columns[field_name], float)

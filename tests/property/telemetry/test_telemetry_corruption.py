@@ -132,6 +132,19 @@ def test_definitions_that_contradict_themselves_are_left_out(tmp_path):
     assert (found.counts["ATT"], found.corrupt_packets) == (1, 1)
 
 
+def test_numbers_that_a_text_log_calls_text_are_missing(tmp_path):
+    """Found by fuzzing: a definition with a wrong letter, and letters that are not ASCII where text is expected."""
+    lines = [
+        "FMT, 131, 30, ATT, QNff, TimeUS,Roll,Pitch,Yaw",
+        *(f"ATT, {1000000 + i}, \u00b0{i}, 2, 3" for i in range(5)),
+    ]
+    (tmp_path / "a.log").write_text("\n".join(lines), encoding="utf-8")
+    found = read_dataflash_text(tmp_path / "a.log").tables["ATT"]
+    assert np.isnan(found.floats("Roll")).all()
+    np.testing.assert_array_equal(found.floats("Pitch"), 2.0)
+    read_log(tmp_path / "a.log")
+
+
 @pytest.mark.parametrize("inside", [0, 20])
 def test_garbage_behind_a_message_leaves_it_and_garbage_inside_takes_it(tmp_path, inside):
     """There is no checksum: what stands around tells one from the other."""
