@@ -184,7 +184,7 @@ def _with_priors(camera, mean, precision, order_camera, corner, right):  # type:
 
 @inlined
 def _squares(rows, out):  # type: ignore[no-untyped-def]
-    """rows' rows of (n, 3) into `out` (6,): xx, yy, zz, xy, xz, yz."""
+    """Sums over `rows` (n, 3) into `out` (6,): xx, yy, zz, xy, xz, yz."""
     out[:] = 0.0
     for r in range(len(rows)):
         x, y, z = rows[r, 0], rows[r, 1], rows[r, 2]
@@ -198,22 +198,9 @@ def _squares(rows, out):  # type: ignore[no-untyped-def]
 
 @compiled
 def motion_alone(  # type: ignore[no-untyped-def]
-    cam_from_enu,
-    position,
-    ray,
-    gain,
-    seen,
-    angular,
-    video_s,
-    frame_camera,
-    mid_s,
-    half_s,
-    first,
-    degree,
-    camera,
-    rank,
+    cam_from_enu, position, ray, gain, seen, angular, video_s, frame_camera, mid_s, half_s, first, degree, camera, rank,
     coefficients,
-):
+):  # fmt: skip
     """Twin of `intersection._motion_step`, where every target has its own equations: `coefficients` (P, 3) and a pivot.
 
     A sighting's share is the square of V (X - C): V'V is I - d d', d the ray in axes of the map, or what the gains say.

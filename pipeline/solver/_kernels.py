@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.compiled import AVAILABLE, compiled, inlined
 
-__all__ = ["AVAILABLE", "assemble", "block_normals", "frame_steps", "kept_steps", "warm"]
+__all__ = ["AVAILABLE", "assemble", "block_normals", "frame_steps", "kept_shape", "kept_steps", "room", "warm"]
 
 LANES = 64
 NEAREST_COSINE = 0.05
