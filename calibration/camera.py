@@ -93,6 +93,36 @@ def unproject(camera: CameraModel, pixels: Floats) -> Floats:
     return rays
 
 
+FOCAL_STEP, ON_AXIS = 0.02, 1e-3
+"""Change of ln f over which its effect is told; tangent up to which a ray lies on the axis, where no lens distorts."""
+
+
+def focal_effect(camera: CameraModel, rays: Floats) -> Floats:
+    """(n, 2) what a change of both focal lengths does to the sight rays of pixels that now have the directions `rays`.
+
+    With K's focal lengths multiplied by exp(phi), ln of the tangent of a ray's angle to the axis falls by
+    a phi + b phi^2 / 2; returns (a, b). Without distortion that is (1, 0); a barrel-shaped lens (k1 < 0) has a > 1, as
+    near its edge the angle grows faster than the pixel's distance. By differences of `unproject`.
+    """
+    unit = np.asarray(rays, float).reshape(-1, 3)
+    centre = camera.K[:2, 2]
+    off = project(camera, unit) - centre
+    at = np.hypot(unit[:, 0], unit[:, 1]) / unit[:, 2]
+    out = np.tile([1.0, 0.0], (len(unit), 1))
+    use = at > ON_AXIS
+
+    def tangent(phi: float) -> Floats:
+        found = unproject(camera, centre + off[use] * np.exp(-phi))
+        return np.log(np.hypot(found[:, 0], found[:, 1]) / found[:, 2])
+
+    middle, longer, shorter = np.log(at[use]), tangent(FOCAL_STEP), tangent(-FOCAL_STEP)
+    both = np.stack([shorter - longer, (2 * middle - shorter - longer) / (0.5 * FOCAL_STEP)], axis=1) / (2 * FOCAL_STEP)
+    # at the very edge of what the distortion can reach there is nothing outside
+    one_sided = np.stack([(middle - longer) / FOCAL_STEP, np.zeros(len(middle))], axis=1)
+    out[use] = np.where(np.isfinite(shorter)[:, None], both, one_sided)
+    return out
+
+
 def pixel_from_ray(camera: CameraModel, rays: Floats) -> Floats:
     """Jacobian (n, 2, 3) of pixels with respect to a change of the direction `rays` (n, 3), in px / rad.
 

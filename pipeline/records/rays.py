@@ -19,6 +19,8 @@ class SightRays:
     direction_cam   (m, 3) unit vectors in camera axes (paper eq. 4 before R)
     pixel_from_ray  (m, 2, 3) Jacobian of the pixel with respect to the direction, px / rad; pixel_from_ray @ d = 0
     sigma_px        (m,) of the pixel, per axis
+    focal_effect    (m, 2) or None: (a, b), by how much a phi + b phi^2 / 2 the log of the tangent of a ray's angle to
+                    the axis falls when focal lengths grow by exp(phi); None: (1, 0), a lens without distortion
     place_sigma_px  (2,) one sigma per axis of where the tracked point sits on its target, as this camera sees it: a
                     constant part, and a part that drifts linearly from minus to plus its value while the camera looks.
                     Zero: the same physical point in every camera and at any time
@@ -35,6 +37,7 @@ class SightRays:
     direction_cam: Floats
     pixel_from_ray: Floats
     sigma_px: Floats
+    focal_effect: Floats | None = None
     place_sigma_px: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -51,6 +54,7 @@ class SightRays:
             direction_cam=frozen(self.direction_cam, (m, 3), "direction_cam"),
             pixel_from_ray=frozen(self.pixel_from_ray, (m, 2, 3), "pixel_from_ray"),
             sigma_px=frozen(self.sigma_px, (m,), "sigma_px"),
+            focal_effect=None if self.focal_effect is None else frozen(self.focal_effect, (m, 2), "focal_effect"),
         )
 
     @property

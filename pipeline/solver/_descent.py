@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from pipeline.compiled import compiled, inlined
-from pipeline.solver._kernels import _sight, _turn, block_normals, kept_steps
+from pipeline.solver._kernels import _sight, _stretch, _turn, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2
 FIRST_DAMPING, NEARLY_FULL = 1e-7, 1e-4
@@ -292,7 +292,7 @@ def _own_motion(moment, vector, powers, rank, out):  # type: ignore[no-untyped-d
 
 @compiled
 def descend(  # type: ignore[no-untyped-def]
-    cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
+    cam_from_enu, position, rate, ray, gain, lens, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
     order_coefficient, order_camera, size, mean, precision, first_camera, first_coefficients, first_own, limit, small,
     first_damping, history, kept,
@@ -326,7 +326,7 @@ def descend(  # type: ignore[no-untyped-def]
     _series(coefficients, first, degree, series)
     _shifts(camera, frame_camera, place_gain, share, shift)
     normal, gradient, cost, frame_gain = block_normals(
-        cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
+        cam_from_enu, position, rate, no, ray, gain, lens, seen, angular, spread, prior, pose_damping, kind, bend,
         series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, shift, place_gain, begin, block_camera, u, half,
         keep, kept,
     )  # fmt: skip
@@ -367,9 +367,9 @@ def descend(  # type: ignore[no-untyped-def]
             _series(coefficients_there, first, degree, series_there)
             _shifts(camera_there, frame_camera, place_gain, share, shift)
             normal, gradient, cost_there, gain_there = block_normals(
-                cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
-                series_there, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, shift, place_gain,
-                begin, block_camera, u_there, half, keep, kept,
+                cam_from_enu, position, rate, no, ray, gain, lens, seen, angular, spread, prior, pose_damping, kind,
+                bend, series_there, camera_there[:, :6].copy(), camera_there[:, FOCAL].copy(), own_there, shift,
+                place_gain, begin, block_camera, u_there, half, keep, kept,
             )  # fmt: skip
             corner_there, right_there = _fold(normal, gradient, motion, local_there, block_camera, order_camera, size)
             cost_there += _with_priors(camera_there, mean, precision, order_camera, corner_there, right_there)
@@ -396,9 +396,9 @@ def descend(  # type: ignore[no-untyped-def]
             if keep:  # the trial has taken the room of what was kept here
                 _shifts(camera, frame_camera, place_gain, share, shift)
                 block_normals(
-                    cam_from_enu, position, rate, no, ray, gain, seen, angular, spread, prior, pose_damping, kind, bend,
-                    series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, shift, place_gain, begin, block_camera,
-                    u, half, keep, kept,
+                    cam_from_enu, position, rate, no, ray, gain, lens, seen, angular, spread, prior, pose_damping, kind,
+                    bend, series, camera[:, :6].copy(), camera[:, FOCAL].copy(), own, shift, place_gain, begin,
+                    block_camera, u, half, keep, kept,
                 )  # fmt: skip
         damping, growth = damping * growth, growth * 2
         if damping > 1e12:
@@ -412,8 +412,8 @@ def descend(  # type: ignore[no-untyped-def]
 
 @compiled
 def median_length(  # type: ignore[no-untyped-def]
-    cam_from_enu, position, ray, gain, seen, angular, spread, video_s, frame_camera, place_gain, share, mid_s, half_s,
-    first, degree, powers, camera, coefficients, own,
+    cam_from_enu, position, ray, gain, lens, seen, angular, spread, video_s, frame_camera, place_gain, share, mid_s,
+    half_s, first, degree, powers, camera, coefficients, own,
 ):  # fmt: skip
     """Median length of the residuals, in sigmas."""
     series = np.zeros((1, len(first), 3, powers))
@@ -434,8 +434,9 @@ def median_length(  # type: ignore[no-untyped-def]
         _turn(error, cam_from_enu[f], turned, left)
         for n in range(len(first)):
             if seen[f, n]:
+                stretch, growth = _stretch(lens, f, n, camera[c, FOCAL], math.exp(camera[c, FOCAL]))
                 _sight(
-                    series[0], n, u, 1.0, turned, left, place, math.exp(camera[c, FOCAL]), gain[f, n], ray[f, n],
+                    series[0], n, u, 1.0, turned, left, place, stretch, growth, gain[f, n], ray[f, n],
                     shift[f, n] if len(shift) else none, angular, 0, 1.0, Q, Jx, r,
                 )  # fmt: skip
                 lengths[count] = math.sqrt(r[0] * r[0] + r[1] * r[1])
@@ -445,7 +446,7 @@ def median_length(  # type: ignore[no-untyped-def]
 
 @compiled
 def graduated(  # type: ignore[no-untyped-def]
-    cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
+    cam_from_enu, position, rate, ray, gain, lens, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
     frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
     order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, limit, small, first_damping,
     history, stages, short, coarse, far, kept,
@@ -454,23 +455,23 @@ def graduated(  # type: ignore[no-untyped-def]
     done = 0
     for _ in range(stages if kind != 0 else 0):
         late = far * median_length(
-            cam_from_enu, position, ray, gain, seen, angular, spread, video_s, frame_camera, place_gain, share, mid_s,
-            half_s, first, degree, powers, camera, coefficients, own,
+            cam_from_enu, position, ray, gain, lens, seen, angular, spread, video_s, frame_camera, place_gain, share,
+            mid_s, half_s, first, degree, powers, camera, coefficients, own,
         )  # fmt: skip
         if late <= 1.5 * bend:
             break
         _, count, camera, coefficients, own, _, _, _, _ = descend(
-            cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, 1, late, video_s,
-            frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
-            order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, short, coarse,
+            cam_from_enu, position, rate, ray, gain, lens, seen, no, angular, spread, prior, pose_damping, 1, late,
+            video_s, frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree,
+            powers, order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, short, coarse,
             first_damping, history[done:], kept,
         )  # fmt: skip
         done += count
     status, count, camera, coefficients, own, corner, right, cost, frame_gain = descend(
-        cam_from_enu, position, rate, ray, gain, seen, no, angular, spread, prior, pose_damping, kind, bend, video_s,
-        frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree, powers,
-        order_coefficient, order_camera, size, mean, precision, camera, coefficients, own, max(1, limit - done), small,
-        first_damping, history[done:], kept,
+        cam_from_enu, position, rate, ray, gain, lens, seen, no, angular, spread, prior, pose_damping, kind, bend,
+        video_s, frame_camera, place_gain, share, share_per_s, begin, block_camera, mid_s, half_s, first, degree,
+        powers, order_coefficient, order_camera, size, mean, precision, camera, coefficients, own,
+        max(1, limit - done), small, first_damping, history[done:], kept,
     )  # fmt: skip
     return status, done + count, camera, coefficients, own, corner, right, cost, frame_gain
 

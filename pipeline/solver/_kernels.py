@@ -52,8 +52,18 @@ def _turn(w, measured, turned, left):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _stretch(lens, f, n, phi, whole):  # type: ignore[no-untyped-def]
+    """Twin of `residuals.stretches` for one sighting; `whole` is exp(phi)."""
+    if len(lens) == 0:
+        return whole, 1.0
+    if phi == 0.0:
+        return 1.0, lens[f, n, 0]
+    return math.exp((lens[f, n, 0] + 0.5 * lens[f, n, 1] * phi) * phi), lens[f, n, 0] + lens[f, n, 1] * phi
+
+
+@inlined
 def _sight(  # type: ignore[no-untyped-def]
-    series, n, u, per_s, turned, left, place, stretch, gain, ray, shift, angular, kind, bend, Q, Jx, r
+    series, n, u, per_s, turned, left, place, stretch, growth, gain, ray, shift, angular, kind, bend, Q, Jx, r
 ):
     """One sighting: residual `r` (2,), `Jx` (2, 3), `Q` (2, 9), all times the root of the robust weight.
 
@@ -75,7 +85,7 @@ def _sight(  # type: ignore[no-untyped-def]
     inverse = 1.0
     if angular:
         along = ray[0] * s0 + ray[1] * s1 + ray[2] * y2
-        nearest = NEAREST_COSINE * math.sqrt(s0 * s0 + s1 * s1 + y2 * y2)
+        nearest = NEAREST_COSINE * math.sqrt(y0 * y0 + y1 * y1 + y2 * y2)
         inverse = 1.0 / max(along, max(nearest, 1e-9))
     r0 = (gain[0, 0] * s0 + gain[0, 1] * s1 + gain[0, 2] * y2) * inverse
     r1 = (gain[1, 0] * s0 + gain[1, 1] * s1 + gain[1, 2] * y2) * inverse
@@ -106,7 +116,7 @@ def _sight(  # type: ignore[no-untyped-def]
         Q[i, 1] = c0 * left[0, 1] + c1 * left[1, 1] + c2 * left[2, 1]
         Q[i, 2] = c0 * left[0, 2] + c1 * left[1, 2] + c2 * left[2, 2]
         Q[i, 3], Q[i, 4], Q[i, 5] = -j0, -j1, -j2
-        Q[i, 6] = g0 * y0 + g1 * y1
+        Q[i, 6] = (g0 * y0 + g1 * y1) * growth
         Q[i, 7] = j0 * v0 + j1 * v1 + j2 * v2
         Q[i, 8] = c0
         r[2 + 3 * i], r[3 + 3 * i], r[4 + 3 * i] = c0, c1, c2
@@ -238,13 +248,14 @@ def _robust(square, kind, bend, root):  # type: ignore[no-untyped-def]
 
 @compiled
 def _sights(  # type: ignore[no-untyped-def]
-    series, u, turned, left, place, stretch, gain, ray, shift, angular, kind, bend, has_rate, spin, rate, JQ, R, root,
-    work,
+    series, u, turned, left, place, lensed, growth, gain, ray, shift, angular, kind, bend, has_rate, spin, rate, JQ, R,
+    root, work,
 ):  # fmt: skip
     """`_sight` and `_pose_time` of one target in all lanes: JQ (2, 8, w), R (2, w), root (w,); returns half of rho.
 
-    series (3, K + 1), place (3, w), gain (6, w), ray (3, w), shift (2, w), spin (3, w), rate (6, w), work (18, w). An
-    unseen target has gain and shift zero.
+    series (3, K + 1), place (3, w), gain (6, w), ray (3, w), shift (2, w), spin (3, w), rate (6, w), work (16, w). The
+    focal scale is in gain and ray; `lensed` says that growth (w,) is not one everywhere. An unseen target has gain and
+    shift zero.
     """
     width, top = len(u), series.shape[1] - 1
     away, y, inverse, square, c = work[:3], work[3:6], work[6], work[7], work[8:14]
@@ -261,23 +272,19 @@ def _sights(  # type: ignore[no-untyped-def]
             y[i, w] = (
                 turned[3 * i, w] * away[0, w] + turned[3 * i + 1, w] * away[1, w] + turned[3 * i + 2, w] * away[2, w]
             )
-    seen = work[14:16]
-    for i in range(2):
-        for w in range(width):
-            seen[i, w] = y[i, w] * stretch
     if angular:
         for w in range(width):
-            along = ray[0, w] * seen[0, w] + ray[1, w] * seen[1, w] + ray[2, w] * y[2, w]
-            length = math.sqrt(seen[0, w] * seen[0, w] + seen[1, w] * seen[1, w] + y[2, w] * y[2, w])
+            along = ray[0, w] * y[0, w] + ray[1, w] * y[1, w] + ray[2, w] * y[2, w]
+            length = math.sqrt(y[0, w] * y[0, w] + y[1, w] * y[1, w] + y[2, w] * y[2, w])
             inverse[w] = 1.0 / max(along, max(NEAREST_COSINE * length, 1e-9))
     else:
         for w in range(width):
             inverse[w] = 1.0
-    back = work[16:18]
+    back = work[14:16]
     for i in range(2):
         for w in range(width):
             back[i, w] = (
-                gain[3 * i, w] * seen[0, w] + gain[3 * i + 1, w] * seen[1, w] + gain[3 * i + 2, w] * y[2, w]
+                gain[3 * i, w] * y[0, w] + gain[3 * i + 1, w] * y[1, w] + gain[3 * i + 2, w] * y[2, w]
             ) * inverse[w]
         for w in range(width):
             R[i, w] = back[i, w] + shift[i, w]
@@ -291,13 +298,12 @@ def _sights(  # type: ignore[no-untyped-def]
             R[i, w] *= root[w]
         g, J = c[3:], JQ[i]
         for k in range(3):
-            wide = stretch if k < 2 else 1.0
             if angular:
                 for w in range(width):
-                    g[k, w] = (gain[3 * i + k, w] - back[i, w] * ray[k, w]) * inverse[w] * wide
+                    g[k, w] = (gain[3 * i + k, w] - back[i, w] * ray[k, w]) * inverse[w]
             else:
                 for w in range(width):
-                    g[k, w] = gain[3 * i + k, w] * inverse[w] * wide
+                    g[k, w] = gain[3 * i + k, w] * inverse[w]
         for k in range(3):
             for w in range(width):
                 J[3 + k, w] = -(g[0, w] * turned[k, w] + g[1, w] * turned[3 + k, w] + g[2, w] * turned[6 + k, w])
@@ -310,6 +316,9 @@ def _sights(  # type: ignore[no-untyped-def]
                 J[k, w] = c[0, w] * left[k, w] + c[1, w] * left[3 + k, w] + c[2, w] * left[6 + k, w]
         for w in range(width):
             J[6, w] = g[0, w] * y[0, w] + g[1, w] * y[1, w]
+        if lensed:
+            for w in range(width):
+                J[6, w] *= growth[w]
         if has_rate:
             for w in range(width):
                 J[7, w] = c[0, w] * spin[0, w] + c[1, w] * spin[1, w] + c[2, w] * spin[2, w]
@@ -459,7 +468,7 @@ def room(chunks, rows, lanes):  # type: ignore[no-untyped-def]
 
 @compiled
 def block_normals(  # type: ignore[no-untyped-def]
-    cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
+    cam_from_enu, position, rate, has_rate, ray, gain, lens, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, shift, place_gain, begin, camera, time_u, half_s, keep, kept,
 ):  # fmt: skip
     """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
@@ -487,11 +496,12 @@ def block_normals(  # type: ignore[no-untyped-def]
     gz, hq, H, W = np.empty((nz, width)), np.empty((6, width)), np.empty((6, 6, width)), np.empty((nz, 6, width))
     pw, m = np.empty((nk, width)), np.empty(width)
     turned, left, error = np.empty((9, width)), np.empty((9, width)), np.empty((6, width))
-    spin, root, work = np.empty((3, width)), np.empty(width), np.empty((18, width))
+    spin, root, work = np.empty((3, width)), np.empty(width), np.empty((16, width))
     # what lanes without a frame hold must be finite
     measured, place, mine = np.zeros((9, width)), np.zeros((3, width)), np.zeros((6, width))
     gain_at, ray_at = np.zeros((n_targets, 6, width)), np.zeros((n_targets, 3, width))
     shift_at, worth, rate_at = np.zeros((n_targets, 2, width)), np.zeros((n_targets, width)), np.zeros((6, width))
+    growth_at, lensed = np.ones((n_targets, width)), len(lens) > 0
     own_store = np.empty((first_kept + 27, width))
     chunk = -1
     moment = np.empty(nk)
@@ -501,7 +511,7 @@ def block_normals(  # type: ignore[no-untyped-def]
         still = True
         for i in range(6):
             still = still and spread[c, i] == 0.0
-        stretch = math.exp(focal[c])
+        whole = math.exp(focal[c])
         per_s = 1.0 / half_s[b]
         N, g = normal[b], gradient[b]
         for low in range(begin[b], begin[b + 1], width):
@@ -530,10 +540,12 @@ def block_normals(  # type: ignore[no-untyped-def]
                     for i in range(6):
                         rate_at[i, lane] = rate[f, i]
                 for n in range(n_targets):
+                    stretch, growth_at[n, lane] = _stretch(lens, f, n, focal[c], whole)
                     for i in range(3):
-                        ray_at[n, i, lane] = ray[f, n, i]
-                        gain_at[n, i, lane] = gain[f, n, 0, i]
-                        gain_at[n, 3 + i, lane] = gain[f, n, 1, i]
+                        k = stretch if i < 2 else 1.0
+                        ray_at[n, i, lane] = k * ray[f, n, i]
+                        gain_at[n, i, lane] = k * gain[f, n, 0, i]
+                        gain_at[n, 3 + i, lane] = k * gain[f, n, 1, i]
                 if placed:
                     for n in range(n_targets):
                         shift_at[n, 0, lane], shift_at[n, 1, lane] = shift[f, n, 0], shift[f, n, 1]
@@ -556,8 +568,9 @@ def block_normals(  # type: ignore[no-untyped-def]
                 _spins(turned, measured, rate_at, work, spin)
             for n in range(n_targets):
                 cost += _sights(
-                    series[b, n], pw[1], turned, left, place, stretch, gain_at[n], ray_at[n], shift_at[n], angular,
-                    kind, bend, has_rate, spin, rate_at, JQ[2 * n : 2 * n + 2], R[2 * n : 2 * n + 2], root, work,
+                    series[b, n], pw[1], turned, left, place, lensed, growth_at[n], gain_at[n], ray_at[n], shift_at[n],
+                    angular, kind, bend, has_rate, spin, rate_at, JQ[2 * n : 2 * n + 2], R[2 * n : 2 * n + 2], root,
+                    work,
                 )  # fmt: skip
                 if placed:
                     for lane in range(width):
@@ -819,7 +832,7 @@ def kept_steps(  # type: ignore[no-untyped-def]
 
 @compiled
 def frame_steps(  # type: ignore[no-untyped-def]
-    cam_from_enu, position, rate, has_rate, ray, gain, seen, angular, spread, prior, damping, kind, bend,
+    cam_from_enu, position, rate, has_rate, ray, gain, lens, seen, angular, spread, prior, damping, kind, bend,
     series, bias, focal, own, begin, camera, time_u, half_s, step,
 ):  # fmt: skip
     """Twin of `elimination.frame_steps_plain` without place errors: du (F, 6)."""
@@ -837,7 +850,7 @@ def frame_steps(  # type: ignore[no-untyped-def]
             still = still and spread[c, i] == 0.0
         if still:
             continue
-        stretch = math.exp(focal[c])
+        whole = math.exp(focal[c])
         per_s = 1.0 / half_s[b]
         d = step[b]
         for f in range(begin[b], begin[b + 1]):
@@ -859,9 +872,10 @@ def frame_steps(  # type: ignore[no-untyped-def]
             for n in range(n_targets):
                 if not seen[f, n]:
                     continue
+                stretch, growth = _stretch(lens, f, n, focal[c], whole)
                 _sight(
-                    series[b], n, u, per_s, turned, left, place, stretch, gain[f, n], ray[f, n], unmoved, angular,
-                    kind, bend, Q, Jx, r,
+                    series[b], n, u, per_s, turned, left, place, stretch, growth, gain[f, n], ray[f, n], unmoved,
+                    angular, kind, bend, Q, Jx, r,
                 )  # fmt: skip
                 if has_rate:
                     _pose_time(Q, Jx, r, spin, rate[f])
@@ -995,7 +1009,7 @@ def warm() -> None:
     begin, seen = np.array([0, 1]), np.ones((1, 1), dtype=bool)
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
     given = (
-        eye, f((1, 3)), f((1, 6)), False, ray, gain, seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
+        eye, f((1, 3)), f((1, 6)), False, ray, gain, f((0, 1, 2)), seen, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
         f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)),
     )  # fmt: skip
     where, kept = (begin, i, f(1), np.ones(1)), room(*kept_shape(begin, 1, False, False))

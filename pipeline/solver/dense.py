@@ -50,10 +50,10 @@ def _scene(model: Model) -> tuple[Any, ...]:
     per_s = share_per_second(frames) if placed else np.zeros(len(frames.cameras))
     begin, low, high = shortened(frames.first), float(model.basis.grid_s[0]), float(model.basis.grid_s[1])
     return (
-        frames.cam_from_enu, frames.position_m, NO_RATE, frames.ray, frames.gain, frames.seen, False, frames.angular,
-        pose.spread, pose.prior, float(pose.damping), loss.kind, float(loss.bend), frames.video_s, frames.camera,
-        frames.place_gain if placed else frames.place_gain[:0], frames.place_share, per_s, begin,
-        frames.camera[begin[:-1]], 0.5 * (low + high), 0.5 * (high - low),
+        frames.cam_from_enu, frames.position_m, NO_RATE, frames.ray, frames.gain, frames.focal_effect, frames.seen,
+        False, frames.angular, pose.spread, pose.prior, float(pose.damping), loss.kind, float(loss.bend),
+        frames.video_s, frames.camera, frames.place_gain if placed else frames.place_gain[:0], frames.place_share,
+        per_s, begin, frames.camera[begin[:-1]], 0.5 * (low + high), 0.5 * (high - low),
     )  # fmt: skip
 
 
@@ -120,8 +120,8 @@ def warm() -> None:
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 2, 3))
     alone: Callable[..., Any] = _descent.motion_alone
     scene = (
-        eye, f((1, 3)), NO_RATE, ray, gain, seen, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0, f(1), i,
-        f((0, 1)), f(1), f(1), begin, i, 0.0, 1.0,
+        eye, f((1, 3)), NO_RATE, ray, gain, f((0, 1, 2)), seen, False, True, f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0,
+        f(1), i, f((0, 1)), f(1), f(1), begin, i, 0.0, 1.0,
     )  # fmt: skip
     unknowns = (i, i, 1, np.arange(3)[None], np.full((1, 10), -1), 3, f((1, 10)), f((1, 10)))
     start = (f((1, 10)), f((1, 3)), f((1, 6)), 1, 1e-9, 1e-4)

@@ -286,7 +286,7 @@ def _kernel_arguments(
     rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
     given = (
         frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None,
-        frames.ray, frames.gain, frames.seen, frames.angular,
+        frames.ray, frames.gain, frames.focal_effect, frames.seen, frames.angular,
         pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
         at.series, at.bias, at.focal, at.own,
     )  # fmt: skip

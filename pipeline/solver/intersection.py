@@ -18,7 +18,7 @@ from pipeline.solver.dense import is_dense, motion_step
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames, metric, scaled_metric
 from pipeline.solver.model import Model, State
-from pipeline.solver.timing import ROT, common_time_s
+from pipeline.solver.timing import FOCAL, ROT, common_time_s
 
 RANK = 1e-12
 """Relative to its diagonal, the smallest pivot of a motion that counts as determined."""
@@ -68,7 +68,8 @@ def distance_m(model: Model, state: State) -> Floats:
 
 def _motion_step(model: Model, frames: Frames, state: State) -> State:
     """One linear step of the motion alone; residuals of `frames` that are angular are made metric."""
-    if model.motion_free and is_dense(model):
+    plain_lenses = len(frames.focal_effect) == 0 or not state.camera[:, FOCAL].any()
+    if model.motion_free and plain_lenses and is_dense(model):
         found, pivot = motion_step(model, state, frames, RANK)
         _check_pivot(pivot)
         return replace(state, coefficients=found)

@@ -38,6 +38,7 @@ class Frames:
     pose_taken_s  (F,) log time at which they were last read from the log
     ray           (F, N, 3) unit; gain (F, N, 2, 3); seen (F, N)
     sigma_px      (F, N), NaN where unseen
+    focal_effect  (F, N, 2) see SightRays; without frames where all are (1, 0)
     place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
     angular       true: divided by the depth
     """
@@ -58,6 +59,7 @@ class Frames:
     gain: Floats
     seen: Bools
     sigma_px: Floats
+    focal_effect: Floats
     place_gain: Floats
     place_share: Floats
     angular: bool
@@ -98,6 +100,21 @@ def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, F
     return ray, gain, sigma, video
 
 
+def _focal_effect(problem: Problem, index: dict[str, int]) -> Floats:
+    """(F, N, 2) of all cameras; without frames where no lens distorts."""
+    if all(c.rays.focal_effect is None for c in problem.cameras):
+        return np.zeros((0, len(index), 2))
+    out = []
+    for given in problem.cameras:
+        rays = given.rays
+        own = np.tile([1.0, 0.0], (len(given.poses.frame), len(index), 1))
+        if rays.focal_effect is not None:
+            column = np.array([index[name] for name in rays.targets], dtype=np.int64)[rays.target]
+            own[np.searchsorted(given.poses.frame, rays.frame), column] = rays.focal_effect
+        out.append(own)
+    return np.concatenate(out)
+
+
 def _share(video_s: Floats) -> Floats:
     """Video times scaled to -1 at the first and 1 at the last."""
     low, high = video_s.min(), video_s.max()
@@ -129,6 +146,7 @@ def pack(problem: Problem) -> Frames:
         gain=gain,
         seen=np.isfinite(sigma),
         sigma_px=sigma,
+        focal_effect=_focal_effect(problem, index),
         place_gain=np.where(np.isfinite(sigma), 1 / sigma, 0.0),
         place_share=np.concatenate([_share(p[3]) for p in parts]),
         angular=True,

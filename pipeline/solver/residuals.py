@@ -2,10 +2,11 @@
 
 A frame's pose error e = (w, p) turns and moves its measured pose: R = exp(w) R_measured, C = C_measured + p, with
 w a rotation vector in camera axes, and e = bias + spread * u, u the frame's own unknown (6,) with unit prior. With
-y = R (X - C) and the focal scale k = exp(phi) taking y to (k y1, k y2, y3):
+y = R (X - C), and a focal scale exp(phi) that takes y to (k y1, k y2, y3), k = exp(a phi + b phi^2 / 2) by the
+sighting's focal effect (a, b), (1, 0) without distortion:
 
     r = gain y / depth          G = dr/dy = (gain - r d') / depth    (G = gain where the residual is metric)
-    dr/dX = G R                 dr/dp = -G R                         dr/d phi = G (k y1, k y2, 0)
+    dr/dX = G R                 dr/dp = -G R                         dr/d phi = G (k y1, k y2, 0) (a + b phi)
     dr/dw = G [-y]x J(w)        J(w) = I + (1 - cos a)/a^2 [w]x + (a - sin a)/a^3 [w]x^2,  a = |w|
 
 J is the left Jacobian of the rotation group, so the derivative is exact however large w is.
@@ -58,6 +59,15 @@ def place_shift(frames: Frames, part: slice, camera: Floats) -> Floats:
     return np.asarray(pixels * frames.place_gain[part, :, None])
 
 
+def stretches(frames: Frames, part: slice, focal: Floats) -> tuple[Floats, Floats]:
+    """k and d ln k / d phi, both (n, N) or (n, 1), at log focal scales (n,) of the frames `part`."""
+    if len(frames.focal_effect) == 0:
+        return np.exp(focal)[:, None], np.ones((len(focal), 1))
+    a, b = np.moveaxis(frames.focal_effect[part], -1, 0)
+    phi = focal[:, None]
+    return np.exp((a + 0.5 * b * phi) * phi), a + b * phi
+
+
 def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats, focal: Floats) -> Linearised:
     """At target positions (n, N, 3), pose errors (n, 6) and log focal scales (n,) of the frames `part`."""
     w, p = pose_error[:, :3], pose_error[:, 3:]
@@ -65,13 +75,14 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
     cam_from_enu = turn @ frames.cam_from_enu[part]
     away = target_m - (frames.position_m[part] + p)[:, None]
     y = away @ np.swapaxes(cam_from_enu, 1, 2)
-    stretch = np.ones((len(w), 1, 3))
-    stretch[:, 0, :2] = np.exp(focal)[:, None]
+    factor, growth = stretches(frames, part, focal)
+    stretch = np.ones((len(w), factor.shape[1], 3))
+    stretch[..., :2] = factor[..., None]
     seen_y, gain, ray = y * stretch, frames.gain[part], frames.ray[part]
     flat = (gain @ seen_y[..., None])[..., 0]
     along = (ray * seen_y).sum(-1)
     if frames.angular:
-        nearest = NEAREST_COSINE * np.linalg.norm(seen_y, axis=-1)
+        nearest = NEAREST_COSINE * np.linalg.norm(y, axis=-1)
         depth = np.maximum(along, np.maximum(nearest, 1e-9))[..., None]
         residual = flat / depth
         by_seen = (gain - residual[..., None] * ray[..., None, :]) / depth[..., None]
@@ -89,7 +100,7 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
         residual=residual,
         by_position=by_position,
         by_pose=np.concatenate([by_turn @ left_jacobian(w)[:, None], -by_position], axis=-1),
-        by_focal=(by_y[..., :2] * y[..., None, :2]).sum(-1),
+        by_focal=(by_y[..., :2] * y[..., None, :2]).sum(-1) * growth[..., None],
         by_pose_time=by_pose_time,
         ahead=np.asarray(along > 0, float),
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.arrays import Ints
-from calibration.camera import CameraModel, pixel_from_ray, unproject
+from calibration.camera import CameraModel, focal_effect, pixel_from_ray, unproject
 from calibration.camera_files import read_camera
 from pipeline.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import CameraSettings, Flight
@@ -81,6 +81,8 @@ def build_problem(
         if lost:
             notes.append(f"{pose.camera}: {lost} fixes left out, the lens model maps no direction to them")
         own_sigma = with_focal(pose.sigma, flight.camera(pose.camera).sigma, models[pose.camera], rays)
+        if own_sigma.focal > 0:
+            rays = replace(rays, focal_effect=focal_effect(models[pose.camera], rays.direction_cam))
         inputs.append(_camera(flight, replace(pose, sigma=own_sigma), rays, measured))
     _check_common(flight, inputs)
     problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)

@@ -6,9 +6,11 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from calibration.arrays import Floats
-from pipeline.records import SolverSettings
+from pipeline.geometry import rotation
+from pipeline.records import PoseTrack, Problem, SightRays, SolverSettings, TargetInput
 from pipeline.records.motion import MotionKind
 from pipeline.solver.elimination import CAUCHY, HUBER, Loss
 from pipeline.solver.layout import pack
@@ -26,15 +28,17 @@ def rich_model(
     kinds: tuple[MotionKind, ...] = ("polynomial", "spline"), loss: str = "none", drift: bool = True,
     pose_rate: bool = True, method: str = "map", seed: int = 1,
 ) -> tuple[Model, State]:  # fmt: skip
-    """Two cameras, hidden frames, every parameter free, a state away from the optimum."""
+    """Two cameras, hidden frames, lenses that distort, every parameter free, a state away from the optimum."""
     rng = np.random.default_rng(seed)
     problem, _ = simulate(paper_scene(order=2, targets=len(kinds)), noise=PAPER_LOW, seed=seed)
     frames = pack(problem)
     hidden = rng.random(frames.seen.shape) < 0.1
     rate = rng.normal(size=(frames.count, 6)) * [0.05, 0.05, 0.05, 5, 5, 5] if pose_rate else None
+    effect = np.array([1.2, 0.4]) + 0.2 * np.random.default_rng(seed).normal(size=(*hidden.shape, 2))
     frames = changed(
-        frames, seen=frames.seen & ~hidden, gain=np.where(hidden[..., None, None], 0.0, frames.gain), pose_rate=rate
-    )
+        frames, seen=frames.seen & ~hidden, gain=np.where(hidden[..., None, None], 0.0, frames.gain), pose_rate=rate,
+        focal_effect=effect,
+    )  # fmt: skip
     camera = first_camera(problem, {"uav2": 0.45}, {"uav2": 10.1})
     choice = MotionChoice(kinds=kinds, orders=tuple(range(2, 2 + len(kinds))), spacing_s=0.8)
     settings = SolverSettings(method=method)
@@ -77,6 +81,59 @@ def placed_model(kinds: tuple[MotionKind, ...], loss: str = "none", seed: int = 
     coefficients = rng.normal(size=state.coefficients.shape) * 20
     own = rng.normal(size=(frames.count, 6))
     return changed(model, loss=LOSSES[loss]), changed(state, camera=camera, coefficients=coefficients, own=own)
+
+
+def looped_flight(
+    wobble_s: float, seed: int = 0, seconds: float = 150.0, wide: float = 1.0
+) -> tuple[Problem, CubicSpline]:
+    """Three still cameras around a target on a looping path; the third camera's clock wobbles."""
+    rng = np.random.default_rng(seed)
+    knots = np.arange(-20.0, seconds + 20.0, 4.0)
+    path = CubicSpline(knots, rng.normal(size=(len(knots), 3)) * [12.0 * wide, 12.0 * wide, 4.0] + [0.0, 0.0, 25.0])
+    cameras = []
+    for c, (east, north) in enumerate([(-60.0, -50.0), (70.0, -40.0), (0.0, 80.0)]):
+        place = np.array([east, north, 2.0])
+        frame = np.arange(int(10 * seconds))
+        time = frame / 10.0 + 0.05 * c
+        if c == 2:
+            time = time + wobble_s * np.sin(2 * np.pi * time / 75.0)
+        ahead = np.array([-east, -north, 20.0]) / np.linalg.norm([east, north, 20.0])
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        cam_from_enu = np.stack([right, np.cross(ahead, right), ahead])
+        y = (path(time) - place) @ cam_from_enu.T
+        flat = y[:, :2] / y[:, 2:] + 1e-3 * rng.normal(size=(len(y), 2))
+        direction = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
+        length = np.linalg.norm(direction, axis=1)
+        slope = np.zeros((len(flat), 2, 3))
+        slope[:, 0, 0] = slope[:, 1, 1] = 1000 * length
+        slope[:, :, 2] = -1000 * length[:, None] * flat
+        name = f"cam{c}"
+        rays = SightRays(
+            camera=name, targets=("drone",), target=np.zeros(len(frame), int), frame=frame, time_s=frame / 10.0,
+            direction_cam=direction / length[:, None], pixel_from_ray=slope, sigma_px=np.ones(len(frame)),
+        )  # fmt: skip
+        turn = rotation.conjugate(rotation.from_matrix(cam_from_enu))
+        poses = PoseTrack(
+            camera=name, frame=frame, time_s=frame / 10.0, position_enu_m=np.tile(place, (len(frame), 1)),
+            enu_from_cam=np.tile(turn, (len(frame), 1)),
+        )  # fmt: skip
+        template = simulate(paper_scene(), noise=PAPER_LOW, seed=0)[0].cameras[0]
+        sigma = replace(
+            template.sigma,
+            attitude_rad=0.0,
+            position_m=0.0,
+            attitude_bias_rad=1e-3,
+            position_bias_m=0.05,
+            frame_rate=0.05,
+        )
+        cameras.append(
+            replace(template, camera=name, rays=rays, poses=poses, sigma=sigma, clock="auto", still=True, offset_s=0.0)
+        )
+    problem = Problem(
+        cameras=tuple(cameras), targets=(TargetInput(target="drone", motion="spline"),), reference_camera="cam0"
+    )
+    return problem, path
 
 
 def changed(record: T, **values: object) -> T:

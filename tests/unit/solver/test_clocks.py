@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
-from pipeline.geometry import rotation
-from pipeline.records import PoseTrack, Problem, SightRays, SolverSettings, TargetInput
+from pipeline.records import SolverSettings
 from pipeline.solver import solve
 from pipeline.solver.layout import pack
 from pipeline.solver.timing import common_time_s, drift_knots
 from pipeline.synthetic.scene import camera_pose
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import Noise, simulate
+from tests.unit.solver.solver_scenes import looped_flight
 
 LATE_S = 0.15
 QUIET = Noise(
@@ -100,50 +99,6 @@ def test_a_log_that_ends_too_early_is_carried_on():
         replace(late, cameras=(late.cameras[0], replace(camera, poses_at=refusing))), SolverSettings(robust="none")
     )
     assert solution.biases[1].start_s == pytest.approx(-LATE_S, abs=0.05)
-
-
-def looped_flight(wobble_s, seed=0, seconds=150.0):
-    """Three still cameras around a target on a looping path; the third camera's clock wobbles."""
-    rng = np.random.default_rng(seed)
-    knots = np.arange(-20.0, seconds + 20.0, 4.0)
-    path = CubicSpline(knots, rng.normal(size=(len(knots), 3)) * [12.0, 12.0, 4.0] + [0.0, 0.0, 25.0])
-    cameras = []
-    for c, (east, north) in enumerate([(-60.0, -50.0), (70.0, -40.0), (0.0, 80.0)]):
-        place = np.array([east, north, 2.0])
-        frame = np.arange(int(10 * seconds))
-        time = frame / 10.0 + 0.05 * c
-        if c == 2:
-            time = time + wobble_s * np.sin(2 * np.pi * time / 75.0)
-        ahead = np.array([-east, -north, 20.0]) / np.linalg.norm([east, north, 20.0])
-        right = np.cross(ahead, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
-        cam_from_enu = np.stack([right, np.cross(ahead, right), ahead])
-        y = (path(time) - place) @ cam_from_enu.T
-        flat = y[:, :2] / y[:, 2:] + 1e-3 * rng.normal(size=(len(y), 2))
-        direction = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
-        length = np.linalg.norm(direction, axis=1)
-        slope = np.zeros((len(flat), 2, 3))
-        slope[:, 0, 0] = slope[:, 1, 1] = 1000 * length
-        slope[:, :, 2] = -1000 * length[:, None] * flat
-        name = f"cam{c}"
-        rays = SightRays(
-            camera=name, targets=("drone",), target=np.zeros(len(frame), int), frame=frame, time_s=frame / 10.0,
-            direction_cam=direction / length[:, None], pixel_from_ray=slope, sigma_px=np.ones(len(frame)),
-        )  # fmt: skip
-        turn = rotation.conjugate(rotation.from_matrix(cam_from_enu))
-        poses = PoseTrack(
-            camera=name, frame=frame, time_s=frame / 10.0, position_enu_m=np.tile(place, (len(frame), 1)),
-            enu_from_cam=np.tile(turn, (len(frame), 1)),
-        )  # fmt: skip
-        template = simulate(paper_scene(), noise=QUIET, seed=0)[0].cameras[0]
-        sigma = replace(template.sigma, attitude_rad=0.0, position_m=0.0, attitude_bias_rad=1e-3, position_bias_m=0.05)
-        cameras.append(
-            replace(template, camera=name, rays=rays, poses=poses, sigma=sigma, clock="auto", still=True, offset_s=0.0)
-        )
-    problem = Problem(
-        cameras=tuple(cameras), targets=(TargetInput(target="drone", motion="spline"),), reference_camera="cam0"
-    )
-    return problem, path
 
 
 def test_a_wobbling_clock_is_noticed_and_followed():

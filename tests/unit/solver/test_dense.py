@@ -20,9 +20,18 @@ pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not ins
 METHODS = ["map", "algorithm-1", "algorithm-2"]
 
 
-def begun(method, robust="none", place_px=(0.0, 0.0)):
+def begun(method, robust="none", place_px=(0.0, 0.0), lensed=False):
     problem, _ = simulate(paper_scene(order=2, targets=2), noise=PAPER_LOW, seed=3)
     cameras = [replace(c, rays=replace(c.rays, place_sigma_px=place_px)) for c in problem.cameras]
+    if lensed:
+        cameras = [
+            replace(
+                c,
+                rays=replace(c.rays, focal_effect=np.tile([1.3, 0.5], (len(c.rays.frame), 1))),
+                sigma=replace(c.sigma, focal=0.01),
+            )
+            for c in cameras
+        ]
     problem = replace(problem, cameras=tuple(cameras))
     settings = SolverSettings(method=method, robust=robust)
     frames = pack(problem) if method == "map" else metric(pack(problem))
@@ -30,12 +39,12 @@ def begun(method, robust="none", place_px=(0.0, 0.0)):
     return model, state
 
 
-@pytest.mark.parametrize(("method", "robust", "place_px"), [
-    *((m, "none", (0.0, 0.0)) for m in METHODS), ("map", "huber", (0.0, 0.0)), ("map", "cauchy", (0.0, 0.0)),
-    ("map", "huber", (2.0, 1.0)),
+@pytest.mark.parametrize(("method", "robust", "place_px", "lensed"), [
+    *((m, "none", (0.0, 0.0), False) for m in METHODS), ("map", "huber", (0.0, 0.0), False),
+    ("map", "cauchy", (0.0, 0.0), False), ("map", "huber", (2.0, 1.0), False), ("map", "huber", (0.0, 0.0), True),
 ])  # fmt: skip
-def test_the_same_path(method, robust, place_px):
-    model, state = begun(method, robust, place_px)
+def test_the_same_path(method, robust, place_px, lensed):
+    model, state = begun(method, robust, place_px, lensed)
     start = intersection.intersect(model, state)
     assert dense.is_dense(model)
     costs: list[float] = []
@@ -51,9 +60,9 @@ def test_the_same_path(method, robust, place_px):
     np.testing.assert_allclose(fast.linear.system.corner, wanted.corner, atol=1e-6 * np.abs(wanted.corner).max())
 
 
-@pytest.mark.parametrize("place_px", [(0.0, 0.0), (2.0, 1.0)])
-def test_the_same_stages_of_a_graduated_loss(place_px):
-    model, state = begun("map", "huber", place_px)
+@pytest.mark.parametrize(("place_px", "lensed"), [((0.0, 0.0), False), ((2.0, 1.0), False), ((0.0, 0.0), True)])
+def test_the_same_stages_of_a_graduated_loss(place_px, lensed):
+    model, state = begun("map", "huber", place_px, lensed)
     start = intersection.intersect(model, state)
     fast = beginning.graduated(model, start, Descent(max_iterations=20))
     plain = beginning.graduated_plain(model, start, Descent(max_iterations=20))
@@ -62,9 +71,10 @@ def test_the_same_stages_of_a_graduated_loss(place_px):
     np.testing.assert_allclose(fast.state.camera, plain.state.camera, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("lensed", [False, True])
 @pytest.mark.parametrize("turned", [False, True])
-def test_the_first_motion_is_the_same(monkeypatch, turned):
-    model, state = begun("map")
+def test_the_first_motion_is_the_same(monkeypatch, turned, lensed):
+    model, state = begun("map", lensed=lensed)
     seen = np.random.default_rng(5).random(model.frames.seen.shape) < 0.7
     model = replace(model, frames=replace(model.frames, seen=seen, gain=model.frames.gain * seen[..., None, None]))
     if turned:  # constant rotation, position and focal length of every camera, and clocks
