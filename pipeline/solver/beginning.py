@@ -181,6 +181,8 @@ def without(frames: Frames, whole: Frames, hidden: Bools) -> Frames:
 
 def left_out(whole: Frames, frames: Frames) -> tuple[Finding, ...]:
     """A finding for every camera of whose sightings some were never used."""
+    if frames is whole:
+        return ()
     out = []
     for c, name in enumerate(frames.cameras):
         part = frames.of(c)

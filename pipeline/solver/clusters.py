@@ -17,7 +17,7 @@ from calibration.arrays import Floats, Ints
 from pipeline.solver.model import Model, State
 
 FADED, LONGER, FEWEST = 0.1, 4, 12
-MOST = 500
+MOST = 120
 """Clusters of one camera where every unknown touches all of its frames (no splines): more would only cost memory."""
 
 

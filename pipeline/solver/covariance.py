@@ -1,9 +1,9 @@
 """Uncertainty of everything from the factors of the normal equations.
 
 Plain: the inverse of the normal matrix N, of which only a band of blocks and the cameras' block are formed.
-Robust (sandwich): N^-1 (sum over clusters of g g' + priors) N^-1, g a cluster's gradient. Errors of a tracker are
-alike from frame to frame, so that the frames of a cluster (a camera, a stretch of time) count as one observation of
-what they have in common; the plain covariance would take them for many.
+Robust (sandwich): N^-1 (sum over clusters of g g' + priors) N^-1, g a cluster's gradient without its own leverage
+(`leverage.py`). Errors of a tracker are alike from frame to frame, so that the frames of a cluster (a camera, a stretch
+of time) count as one observation of what they have in common; the plain covariance would take them for many.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from calibration.arrays import Floats, Ints
-from pipeline.solver.assembly import blocks_at, global_places, local_from_global
 from pipeline.solver.bordered import Factor, band_of_inverse
-from pipeline.solver.elimination import block_normals
+from pipeline.solver.leverage import freed_gradients
 from pipeline.solver.model import Model, State, drift_penalty, jerk_penalty
 
 EXACT_ROWS = 400
@@ -93,21 +92,6 @@ def motion_band(covariance: Covariance, model: Model, target: int) -> Floats:
     return out
 
 
-def cluster_gradients(model: Model, state: State, cluster: Ints) -> Floats:
-    """(n + q, M): the gradient of every cluster's frames, without priors; `cluster` (F,) counts from 0."""
-    blocks, at = blocks_at(model, state, cluster)
-    normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
-    places = global_places(model, blocks)
-    size = model.order.n_band + model.order.n_border
-    chain = local_from_global(model, blocks, 0, len(places))
-    vector = (np.swapaxes(chain, 1, 2) @ normals.gradient[:, :, None])[..., 0]
-    out = np.zeros((size, int(cluster.max()) + 1))
-    column = np.broadcast_to(blocks.cluster[:, None], places.shape)
-    free = places >= 0
-    np.add.at(out, (places[free], column[free]), vector[free])
-    return out
-
-
 def prior_rows(model: Model) -> Floats:
     """(n + q, R): columns whose products sum to the information of the priors, or to it on average."""
     order, priors = model.order, model.priors
@@ -148,5 +132,5 @@ def _jerk_columns(model: Model, n: int, size: int, rng: np.random.Generator) -> 
 
 def sandwich(model: Model, state: State, factor: Factor, cluster: Ints) -> Sandwich:
     """The cluster-robust covariance; `cluster` (F,) says which frames' errors belong together."""
-    meat = np.concatenate([cluster_gradients(model, state, cluster), prior_rows(model)], axis=1)
+    meat = np.concatenate([freed_gradients(model, state, factor, cluster), prior_rows(model)], axis=1)
     return Sandwich(columns=factor.solve(meat))

@@ -7,21 +7,21 @@ import pytest
 
 from scripts.check_correlated_errors import ERRORS, POSES, Errors, ratios
 
-RUNS = 30
+RUNS = 60
 
 
 @pytest.mark.parametrize("grade", POSES)
 @pytest.mark.parametrize("words", ["as on held-out scenes", "as on data/flight"])
 def test_robust_sigmas_hold_for_errors_like_the_trackers(words, grade):
     found = ratios(ERRORS[words], POSES[grade], RUNS)
-    assert 0.7 < found.offset_robust < 1.45  # 30 offsets: 0.13 either way is chance
-    assert 0.8 < found.position_robust < 1.3
+    assert 0.7 < found.offset_robust < 1.2  # 60 offsets: 0.09 either way is chance
+    assert 0.8 < found.position_robust < 1.2
 
 
 def test_longer_lasting_errors_are_allowed_for_in_part():
     found = ratios(ERRORS["lasting a second"], POSES["RTK"], RUNS)
-    assert found.offset_robust < 0.7 * found.offset_plain
-    assert found.position_robust < 0.8 * found.position_plain
+    assert found.offset_robust < 0.55 * found.offset_plain
+    assert found.position_robust < 0.75 * found.position_plain
 
 
 def test_errors_have_the_parts_they_were_given():
