@@ -146,8 +146,8 @@ def main(folder: str = "../shared/real/multicam") -> None:
             run = solved(flight, out)
             found, real, covariance = errors(flight, out, clocks)
             print(
-                f"{name}: {run.wall_s:.1f} s ({run.solve_s:.1f} s of it the solve; {run.user_s:.1f} user s on all cores), "
-                f"{run.peak_mb:.0f} MB"
+                f"{name}: {run.wall_s:.1f} s ({run.solve_s:.1f} s of it the solve; {run.user_s:.1f} user s on all cores"
+                f"), {run.peak_mb:.0f} MB"
             )
             rest = aligned(found, real)
             print(f"  absolute {told(found - real)}; aligned {told(rest)}; {len(found)} epochs")

@@ -53,7 +53,15 @@ def clusters(model: Model, state: State, residual: Floats) -> Ints:
             lag = max(lag, memory_frames(state.own[part], known))
         count = part.stop - part.start
         length = min(max(1, LONGER * lag, 1 if local else -(-count // MOST)), max(1, count // FEWEST))
-        number = np.arange(count) // length
+        number = _numbered(frames.video_s[part], length)
         out[part] = first + number
         first += int(number[-1]) + 1
     return out
+
+
+def _numbered(video_s: Floats, length: int) -> Ints:
+    """(n,) clusters of `length` frames, from 0; a gap in which as many would have fitted begins another one."""
+    step = np.diff(video_s, prepend=video_s[:1])
+    gaps = np.cumsum(step > length * float(np.median(step)))
+    both: Ints = np.arange(len(video_s)) // length + gaps
+    return np.asarray(np.unique(both, return_inverse=True)[1], dtype=np.int64)

@@ -8,7 +8,7 @@ covariances (Bell and McCaffrey, Survey Methodology 28, 2002).
 N_c touches only what acts while the cluster lasts, so that block of N^-1 is all that is needed. With K = L L' the band,
 S the cluster's rows, T the band's width after them and Z = K^-1,
 
-    Z_SS = L_SS'^-1 (I + L_TS' Z_TT L_TS) L_SS^-1
+    Z_SS = (L_SS L_SS')^-1 + U Z_TT U'        U = L_SS'^-1 L_TS' = (L_SS L_SS')^-1 L_SS L_TS'
 
 and Z_TT lies within the band of the inverse.
 """
@@ -16,7 +16,7 @@ and Z_TT lies within the band of the inverse.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_solve_banded
 
 from calibration.arrays import Floats, Ints
 from pipeline.solver.assembly import blocks_at, global_places, local_from_global
@@ -86,16 +86,18 @@ class _InverseBlocks:
 
     def _of_band(self, a: int, b: int) -> Floats:
         """See the head of this file."""
-        lower, (width, n) = self.factor.band, (self.factor.band.shape[0] - 1, self.factor.band.shape[1])
+        lower, (width, n) = self.factor.band[:, a:b], (self.factor.band.shape[0] - 1, self.factor.band.shape[1])
         size, after = b - a, min(width, n - b)
-        whole = np.zeros((size + after, size))
-        for d in range(min(width, size + after - 1) + 1):
-            columns = np.arange(min(size, size + after - d))
-            whole[columns + d, columns] = lower[d, a + columns]
-        middle = np.eye(size)
+        out: Floats = cho_solve_banded((lower, True), np.eye(size), check_finite=False)
         if after:
+            tail = min(width, size)
+            whole = np.zeros((tail + after, tail))  # the last rows and columns of L_SS, and L_TS below
+            for d in range(min(width, tail + after - 1) + 1):
+                columns = np.arange(min(tail, tail + after - d))
+                whole[columns + d, columns] = lower[d, size - tail + columns]
+            coupled = np.zeros((size, after))
+            coupled[size - tail :] = whole[:tail] @ whole[tail:].T
+            coupled = cho_solve_banded((lower, True), coupled, check_finite=False)
             i = np.arange(after)
-            behind = self.band[np.abs(i[:, None] - i), b + np.minimum(i[:, None], i)]
-            middle += whole[size:].T @ behind @ whole[size:]
-        half = solve_triangular(whole[:size], middle, lower=True, trans="T", check_finite=False)
-        return np.asarray(solve_triangular(whole[:size], half.T, lower=True, trans="T", check_finite=False))
+            out += coupled @ self.band[np.abs(i[:, None] - i), b + np.minimum(i[:, None], i)] @ coupled.T
+        return out
