@@ -314,7 +314,7 @@ def descend(  # type: ignore[no-untyped-def]
     half = np.full(blocks, half_s)
     motion = _motion_places(order_coefficient, first, degree, powers)
     camera, coefficients = first_camera.copy(), first_coefficients.copy()
-    own, own_there = first_own.copy(), first_own.copy()
+    own, own_there = first_own.copy(), np.empty_like(first_own) if len(kept) > 0 else first_own.copy()
     camera_there, coefficients_there = camera.copy(), coefficients.copy()
     amount, step, upper = np.zeros(size), np.zeros(size), np.zeros((size, size))
     moved = np.zeros((blocks, len(motion) + many))

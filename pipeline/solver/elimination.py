@@ -14,6 +14,7 @@ than one block. This file is the plain numpy form; `_kernels.py` computes the sa
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +31,8 @@ from pipeline.solver.timing import CAMERA_PARAMETERS
 CHUNK_FRAMES = 2048
 KEPT_NUMBERS, LARGE_PAGES = 25_000_000, 8_000_000
 """200 MB: beyond, the frames' steps are computed anew instead of kept. 64 MB: up to there in large pages."""
+POPULATE_WRITE = 23
+"""MADV_POPULATE_WRITE of Linux, which Python's mmap does not name."""
 NONE, HUBER, CAUCHY = 0, 1, 2
 
 
@@ -252,11 +255,23 @@ def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
     NumPy asks for large pages, which are quick to touch unless a virtual machine has to fetch each from outside.
     """
     of: Callable[..., tuple[int, int, int]] = _kernels.kept_shape
-    plain: Callable[..., Floats] = _kernels.room
     chunks, rows, lanes = of(begin, len(frames.targets), frames.pose_rate is not None, placed)
-    numbers = chunks * rows * lanes
-    shape = (chunks if numbers <= most else 0, rows, lanes)
-    return np.empty(shape) if numbers <= LARGE_PAGES else plain(*shape)
+    if chunks * rows * lanes > most:
+        chunks = 0
+    shape = (chunks, rows, lanes)
+    return np.empty(shape) if chunks * rows * lanes <= LARGE_PAGES else _in_small_pages(shape)
+
+
+def _in_small_pages(shape: tuple[int, int, int]) -> Floats:
+    """Uninitialised memory in small pages, fetched all at once where the system can (Linux 5.14)."""
+    try:
+        memory = mmap.mmap(-1, 8 * shape[0] * shape[1] * shape[2], flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        memory.madvise(mmap.MADV_NOHUGEPAGE)
+        memory.madvise(POPULATE_WRITE)
+    except (AttributeError, OSError):
+        plain: Callable[..., Floats] = _kernels.room
+        return plain(*shape)
+    return np.frombuffer(memory).reshape(shape)
 
 
 def frame_steps(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.records import SolverSettings
-from pipeline.solver import _kernels, dense, solve
+from pipeline.solver import _kernels, dense, elimination, solve
 from pipeline.solver.assembly import assemble, assemble_plain, blocks_at
 from pipeline.solver.elimination import (
     block_normals,
@@ -77,6 +77,23 @@ def _both(model, state, anew=True):
     quick, slow = assemble(model, blocks, plain), assemble_plain(model, blocks, plain)
     for part in ("band", "border", "corner", "gradient"):
         alike(getattr(quick, part), getattr(slow, part))
+
+
+@pytest.mark.parametrize("populated", [True, False])
+def test_twins_where_what_is_kept_is_large(monkeypatch, populated):
+    """Memory of its own, fetched at once where the system can."""
+    monkeypatch.setattr(elimination, "LARGE_PAGES", 0)
+    if not populated:
+        monkeypatch.setattr(elimination, "POPULATE_WRITE", -1)
+    model, state = rich_model(("polynomial", "spline"))
+    _both(model, state)
+
+
+def test_what_would_take_too_much_is_not_kept():
+    model, state = rich_model(("polynomial", "spline"))
+    blocks, _ = blocks_at(model, state)
+    assert len(elimination.kept_room(model.frames, blocks.begin, False, 1)) == 0
+    assert len(elimination.kept_room(model.frames, blocks.begin, False, 10**9)) > 0
 
 
 def test_warming_up_loads_the_signatures_in_use():
