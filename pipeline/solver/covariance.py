@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import cho_solve_banded
 
 from calibration.arrays import Floats, Ints
 from pipeline.solver.bordered import Factor, band_of_inverse
@@ -67,6 +68,38 @@ class Inverse:
         corner = low >= n
         out[corner] = self.corner[i[corner] - n, j[corner] - n]
         return out * self.scale
+
+    def block(self, a: int, b: int, border: Ints) -> Floats:
+        """(s, s) rows and columns `a` to `b` of the band, then those of the `border`."""
+        size = b - a
+        out = np.empty((size + len(border), size + len(border)))
+        out[size:, size:] = self.corner[np.ix_(border, border)]
+        if size:
+            out[:size, :size] = self._of_band(a, b) + self._spread[a:b] @ self.factor.eliminated[a:b].T
+            out[:size, size:] = -self._spread[a:b, border]
+            out[size:, :size] = out[:size, size:].T
+        return out * self.scale
+
+    def _of_band(self, a: int, b: int) -> Floats:
+        """Rows and columns `a` to `b` of the inverse Z of the band L L', T being the band's width of rows after them.
+
+        Z_SS = (L_SS L_SS')^-1 + U Z_TT U', U = L_SS'^-1 L_TS' = (L_SS L_SS')^-1 L_SS L_TS'; Z_TT lies within its band.
+        """
+        lower, (width, n) = self.factor.band[:, a:b], (self.factor.band.shape[0] - 1, self.factor.band.shape[1])
+        size, after = b - a, min(width, n - b)
+        out: Floats = cho_solve_banded((lower, True), np.eye(size), check_finite=False)
+        if after:
+            tail = min(width, size)
+            whole = np.zeros((tail + after, tail))  # the last rows and columns of L_SS, and L_TS below
+            for d in range(min(width, tail + after - 1) + 1):
+                columns = np.arange(min(tail, tail + after - d))
+                whole[columns + d, columns] = lower[d, size - tail + columns]
+            coupled = np.zeros((size, after))
+            coupled[size - tail :] = whole[:tail] @ whole[tail:].T
+            coupled = cho_solve_banded((lower, True), coupled, check_finite=False)
+            i = np.arange(after)
+            out += coupled @ self._band[np.abs(i[:, None] - i), b + np.minimum(i[:, None], i)] @ coupled.T
+        return out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,7 +163,7 @@ def _jerk_columns(model: Model, n: int, size: int, rng: np.random.Generator) -> 
     return out
 
 
-def sandwich(model: Model, state: State, factor: Factor, cluster: Ints) -> Sandwich:
+def sandwich(model: Model, state: State, plain: Inverse, cluster: Ints) -> Sandwich:
     """The cluster-robust covariance; `cluster` (F,) says which frames' errors belong together."""
-    meat = np.concatenate([freed_gradients(model, state, factor, cluster), prior_rows(model)], axis=1)
-    return Sandwich(columns=factor.solve(meat))
+    meat = np.concatenate([freed_gradients(model, state, plain.block, cluster), prior_rows(model)], axis=1)
+    return Sandwich(columns=plain.factor.solve(meat))

@@ -83,8 +83,8 @@ def across(direction: Floats) -> Floats:
     return np.stack([one, np.cross(d, one)], axis=-2)
 
 
-def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, Floats, Floats, Floats]:
-    """Rays, pixel gains, pixel sigmas and video time of one camera, dense over its frames and all targets."""
+def _camera_arrays(given: CameraInput, index: dict[str, int], lensed: bool) -> tuple[Floats, ...]:
+    """Rays, pixel gains, pixel sigmas, video time and, if `lensed`, focal effects, dense over frames and targets."""
     rays, n_frames, n_targets = given.rays, len(given.poses.frame), len(index)
     place = np.searchsorted(given.poses.frame, rays.frame)
     column = np.array([index[name] for name in rays.targets], dtype=np.int64)[rays.target]
@@ -97,22 +97,10 @@ def _camera_arrays(given: CameraInput, index: dict[str, int]) -> tuple[Floats, F
     sigma[place, column] = rays.sigma_px
     video = np.full(n_frames, np.nan)
     video[place] = rays.time_s
-    return ray, gain, sigma, video
-
-
-def _focal_effect(problem: Problem, index: dict[str, int]) -> Floats:
-    """(F, N, 2) of all cameras; without frames where no lens distorts."""
-    if all(c.rays.focal_effect is None for c in problem.cameras):
-        return np.zeros((0, len(index), 2))
-    out = []
-    for given in problem.cameras:
-        rays = given.rays
-        own = np.tile([1.0, 0.0], (len(given.poses.frame), len(index), 1))
-        if rays.focal_effect is not None:
-            column = np.array([index[name] for name in rays.targets], dtype=np.int64)[rays.target]
-            own[np.searchsorted(given.poses.frame, rays.frame), column] = rays.focal_effect
-        out.append(own)
-    return np.concatenate(out)
+    effect = np.tile([1.0, 0.0], (n_frames if lensed else 0, n_targets, 1))
+    if rays.focal_effect is not None:
+        effect[place, column] = rays.focal_effect
+    return ray, gain, sigma, video, effect
 
 
 def _share(video_s: Floats) -> Floats:
@@ -124,8 +112,9 @@ def _share(video_s: Floats) -> Floats:
 def pack(problem: Problem) -> Frames:
     """The observations of `problem`, with the reprojection error in sigmas as residual."""
     index = {t.target: i for i, t in enumerate(problem.targets)}
-    parts = [_camera_arrays(c, index) for c in problem.cameras]
-    ray, gain, sigma, video = (np.concatenate([p[i] for p in parts]) for i in range(4))
+    lensed = any(c.rays.focal_effect is not None for c in problem.cameras)
+    parts = [_camera_arrays(c, index, lensed) for c in problem.cameras]
+    ray, gain, sigma, video, effect = (np.concatenate([p[i] for p in parts]) for i in range(5))
     count = [len(c.poses.frame) for c in problem.cameras]
     return Frames(
         cameras=tuple(c.camera for c in problem.cameras),
@@ -146,7 +135,7 @@ def pack(problem: Problem) -> Frames:
         gain=gain,
         seen=np.isfinite(sigma),
         sigma_px=sigma,
-        focal_effect=_focal_effect(problem, index),
+        focal_effect=effect,
         place_gain=np.where(np.isfinite(sigma), 1 / sigma, 0.0),
         place_share=np.concatenate([_share(p[3]) for p in parts]),
         angular=True,

@@ -116,14 +116,13 @@ def with_drifting_clocks(problem: Problem, fit: Fit, descent: Descent) -> tuple[
 def outcome(found: Adjusted) -> Outcome:
     """The adjustment with its uncertainty, plain and cluster-robust."""
     fit = found.fit
-    factor = factorise(fit.linear.system)
-    robust = None
+    factor, plain, robust = factorise(fit.linear.system), None, None
     if factor is not None:
-        cluster = clusters(fit.model, fit.state, residuals(fit.model, fit.state))
-        robust = sandwich(fit.model, fit.state, factor, cluster)
+        plain = Inverse(factor=factor)
+        robust = sandwich(fit.model, fit.state, plain, clusters(fit.model, fit.state, residuals(fit.model, fit.state)))
     return Outcome(
         model=fit.model, observed=fit.model.frames, state=fit.state, status=fit.status,
         iterations=fit.iterations, cost=fit.cost,
-        plain=None if factor is None else Inverse(factor=factor), robust=robust,
+        plain=plain, robust=robust,
         findings=found.findings, candidates=found.candidates,
     )  # fmt: skip

@@ -8,6 +8,7 @@ import pytest
 from pipeline.solver import leverage
 from pipeline.solver.assembly import add_priors, assemble, blocks_at, linear, moved
 from pipeline.solver.bordered import factorise
+from pipeline.solver.covariance import Inverse
 from pipeline.solver.elimination import block_normals
 from pipeline.solver.leverage import freed_gradients
 from tests.unit.solver.solver_scenes import changed, rich_model
@@ -43,7 +44,7 @@ def test_against_dense_algebra(kinds, length):
     model, state = rich_model(kinds, "huber", pose_rate=False)
     cluster = clustered(model, length)
     system = linear(model, state).system
-    found = freed_gradients(model, state, factorise(system), cluster)
+    found = freed_gradients(model, state, Inverse(factor=factorise(system)).block, cluster)
     inverse = np.linalg.inv(system.times(np.eye(len(system.gradient))))
     assert found.shape == (len(inverse), cluster.max() + 1)
     for c in (0, 1, int(cluster.max()) // 2, int(cluster.max())):
@@ -60,7 +61,7 @@ def test_it_foretells_the_optimum_without_a_cluster(monkeypatch):
     cluster = clustered(model, 10)
     here = linear(model, state)
     factor = factorise(here.system)
-    freed = freed_gradients(model, state, factor, cluster)
+    freed = freed_gradients(model, state, Inverse(factor=factor).block, cluster)
     chosen = 4
     blocks, at = blocks_at(model, state)
     rest = only(model.frames, cluster != chosen)
@@ -84,6 +85,6 @@ def test_blocks_of_the_inverse(stretch):
     a, b = stretch[0], min(stretch[1], n)
     for low, high in ((a, b), (n - (b - a), n), (0, n)):
         rows = np.concatenate([np.arange(low, high), n + border])
-        found = leverage._InverseBlocks(factorise(system)).of(low, high, border)
+        found = Inverse(factor=factorise(system)).block(low, high, border)
         wanted = inverse[np.ix_(rows, rows)]
         np.testing.assert_allclose(found, wanted, atol=1e-7 * np.abs(wanted).max())
