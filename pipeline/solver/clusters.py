@@ -18,7 +18,7 @@ from pipeline.solver.model import Model, State
 
 FADED, LONGER, FEWEST = 0.1, 4, 12
 MOST = 120
-"""Clusters of one camera where every unknown touches all of its frames (no splines): more would only cost memory."""
+"""Clusters of one camera where every unknown touches all of its frames (no splines): more would only cost time."""
 
 
 def memory_frames(series: Floats, known: Floats) -> int:
