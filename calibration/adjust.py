@@ -28,8 +28,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
 from calibration.camera import Lens
+from calibration.foundation.arrays import Bools, Floats, Ints
 from calibration.views import BoardView
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
-from calibration.errors import UsageError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import UsageError
 
 DEFAULT_DICTIONARY = "DICT_5X5_1000"
 

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats, frozen, settle
+from calibration.foundation.arrays import Floats, frozen, settle
 
 Lens = Literal["pinhole", "fisheye"]
 PINHOLE_TERMS = (0, 4, 5, 8, 12, 14)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.camera import PINHOLE_TERMS, CameraModel, Lens
+from calibration.foundation.arrays import Floats
 
 MATRIX_KEYS = (
     "K", "camera_matrix", "K-matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "camera_intrinsic_matrix",

@@ -10,9 +10,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.camera import CameraModel
-from calibration.errors import UsageError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import UsageError
 
 
 def opencv_yaml(camera: CameraModel) -> str:

@@ -16,8 +16,8 @@ from typing import Any
 from calibration.camera import CameraModel
 from calibration.camera_dialects import NotACamera, camera_from, cameras_in
 from calibration.camera_export import EXPORTS
-from calibration.errors import InputFileError, UsageError
-from calibration.files import read_bytes, write_whole
+from calibration.foundation.errors import InputFileError, UsageError
+from calibration.foundation.files import read_bytes, write_whole
 from calibration.plain_yaml import parse_plain_yaml
 
 EXPECTED = "a camera file: JSON of `runningfix calibrate`, OpenCV YAML/XML, ROS camera_info, Kalibr or TOML"

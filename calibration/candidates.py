@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust
-from calibration.arrays import Floats
 from calibration.camera import Lens
+from calibration.foundation.arrays import Floats
 from calibration.start import first_fit
 from calibration.uncertainty import Uncertainty, held_out_px, uncertainty
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.board import Board
-from calibration.errors import UsageError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import UsageError
 from calibration.squares import edge_blur_px
 from calibration.views import BoardView
 

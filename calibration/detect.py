@@ -14,9 +14,9 @@ from collections.abc import Iterable, Iterator, Mapping
 import cv2
 import numpy as np
 
-from calibration.arrays import Bools, Floats
 from calibration.board import Board
 from calibration.charuco import find_charuco
+from calibration.foundation.arrays import Bools, Floats
 from calibration.refine import refined
 from calibration.squares import in_line, laid_in, spacing_px
 from calibration.views import BoardView

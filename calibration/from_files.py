@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.board import Board
 from calibration.detect import find_board, looks_like
-from calibration.errors import InputFileError, UsageError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import InputFileError, UsageError
 from calibration.photos import Photo, PhotoFiles, find_photos, frame_count, read_photo, video_frames
 from calibration.result import Calibration, RejectedView
 from calibration.solve import calibrate, refuse_mixed_sizes

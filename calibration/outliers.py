@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust, stacked
-from calibration.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats
 from calibration.start import first_fit, posed, view_rms_px
 from calibration.uncertainty import uncertainty
 from calibration.views import BoardView

@@ -14,9 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.errors import InputFileError
 from calibration.exif import exif_of
-from calibration.files import read_bytes
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes
 
 PHOTO_SUFFIXES = frozenset([".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".jp2"])
 VIDEO_SUFFIXES = frozenset([".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".m2ts", ".webm", ".mpg", ".mpeg"])

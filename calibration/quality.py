@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from calibration.arrays import Bools, Floats, frozen, settle
+from calibration.foundation.arrays import Bools, Floats, frozen, settle
 from calibration.views import BoardView
 
 TILES = 5

@@ -24,7 +24,7 @@ from math import erf
 import cv2
 import numpy as np
 
-from calibration.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats
 from calibration.squares import edge_blur_px, middle_of, steps
 
 REACH = 0.42

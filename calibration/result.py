@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints, frozen, settle
 from calibration.board import Board
 from calibration.camera import CameraModel
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
 from calibration.quality import Coverage
 
 Verdict = Literal["good", "usable", "poor"]

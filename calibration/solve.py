@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust, stacked
-from calibration.arrays import Bools, Floats
 from calibration.board import Board
 from calibration.camera import CameraModel
 from calibration.candidates import CHOICES, LEAST_NOISE_PX, Candidate, automatic, fitted, judged, model_named
-from calibration.errors import CalibrationError, InputFileError, UsageError
+from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.errors import CalibrationError, InputFileError, UsageError
 from calibration.outliers import agreeing, contradicting, kept, two_cameras
 from calibration.quality import Coverage, coverage, grid_of, lattice, reached
 from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView

@@ -7,7 +7,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from calibration.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats
 
 ASKED = 16
 """Edges each way whose blur is measured."""

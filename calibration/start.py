@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust
-from calibration.arrays import Floats
 from calibration.camera import Lens
+from calibration.foundation.arrays import Floats
 
 FOCAL_SCAN = np.geomspace(0.35, 12.0, 22)
 FISHEYE_SCAN = np.geomspace(0.2, 1.5, 14)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.adjust import Corners, Fit, Model, adjust, normals, prior, project_all, project_with_jacobian, solvable
-from calibration.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats
 
 CLEARLY_MORE = 1.4
 """Scatter of one view's corners over the usual one: no accident from here on."""

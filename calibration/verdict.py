@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.candidates import Candidate
-from calibration.errors import CalibrationError
+from calibration.foundation.errors import CalibrationError
 from calibration.quality import Coverage, missing_regions
 from calibration.result import CalibratedView, DirectionSigma, RejectedView, Verdict
 from calibration.views import BoardView

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from calibration.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,9 +24,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from calibration import Board
-from calibration.arrays import Floats
 from calibration.detect import find_board
-from tests.calibration_scenes import camera, poses, render, true_corners
+from calibration.foundation.arrays import Floats
+from tests.scenes.calibration import camera, poses, render, true_corners
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)
 LENS = (-0.28, 0.09, 0.0008, -0.0006, -0.01)

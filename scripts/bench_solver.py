@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.records import CameraInput, InstrumentSigma, PoseTrack, Problem, SightRays, SolverSettings, TargetInput
 from pipeline.solver import solve

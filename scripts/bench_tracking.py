@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from pipeline.records import Box
 from pipeline.tracking import track_video
 from pipeline.tracking.video import opened_to_the_end
-from tests.integration.tracking.moving_scene import first_box, render, scene, write
+from tests.scenes.moving import first_box, render, scene, write
 
 SEED = 5
 

@@ -29,12 +29,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from calibration import Board, BoardView, Calibration, CameraModel, calibrate
 from calibration.adjust import Model
-from calibration.arrays import Floats
 from calibration.camera import project, unproject
 from calibration.detect import find_board
+from calibration.foundation.arrays import Floats
 from calibration.quality import lattice, reached
 from calibration.uncertainty import projection_sigma_px
-from tests.calibration_scenes import poses, render, true_corners
+from tests.scenes.calibration import poses, render, true_corners
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)
 SIZE = (800, 600)
@@ -173,7 +173,7 @@ def kept_set(seed: int, lens: str, folder: Path | None) -> Row:
 def _code() -> str:
     """Of everything a row depends on."""
     root = Path(__file__).resolve().parents[1]
-    files = [*sorted((root / "calibration").glob("*.py")), root / "tests/calibration_scenes.py", Path(__file__)]
+    files = [*sorted((root / "calibration").rglob("*.py")), root / "tests/scenes/calibration.py", Path(__file__)]
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:12]
 
 

@@ -24,8 +24,8 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from calibration.arrays import Floats
 from calibration.camera import CameraModel, project
+from calibration.foundation.arrays import Floats
 
 FLIGHTS = ("flight1", "flight3")
 SUPPORT_S = 0.2

@@ -25,7 +25,7 @@ os.environ.setdefault("MAVLINK20", "1")
 import numpy as np
 from pymavlink import DFReader, mavutil
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.synthetic.dataflash_log import dataflash_bytes
 from pipeline.synthetic.demo_scenes import small_scene
 from pipeline.synthetic.instruments import LogClock, record

@@ -23,7 +23,7 @@ from functools import cache
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments import noises
 from pipeline.experiments.answers import answer_of
 from pipeline.experiments.bound import bound

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration import write_camera
-from pipeline.errors import GeometryError
+from calibration.foundation.errors import GeometryError
 from pipeline.flight import read_flight
 from pipeline.stages import measure_poses, open_sources
 from pipeline.synthetic.demo_scenes import demo_lens, small_scene

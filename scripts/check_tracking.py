@@ -23,10 +23,10 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from pipeline.errors import TrackingError
+from calibration.foundation.errors import TrackingError
 from pipeline.records import TRACKERS, Box
 from pipeline.tracking import TrackingSettings, track_video
-from tests.integration.tracking.moving_scene import Car, Scene, first_box, render, scene, truth, write
+from tests.scenes.moving import Car, Scene, first_box, render, scene, truth, write
 
 HELD_OUT = tuple(range(14001, 14011))
 VISIBLE, HIDDEN, SOON_FRAMES, NEAR_PX = 0.9, 0.1, 25, 3.0

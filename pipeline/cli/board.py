@@ -5,8 +5,8 @@ from __future__ import annotations
 from argparse import Namespace
 
 from calibration import Board, board_pdf, board_svg
-from calibration.errors import UsageError
-from calibration.files import write_whole
+from calibration.foundation.errors import UsageError
+from calibration.foundation.files import write_whole
 from pipeline.cli.console import Console
 
 

@@ -7,11 +7,11 @@ import time
 from argparse import Namespace
 from typing import Any
 
-from calibration.errors import UsageError
-from calibration.files import write_whole
+from calibration.foundation.errors import UsageError
+from calibration.foundation.files import write_whole
+from pipeline.boresight.flight import Surveyed, boresight_document, boresights
 from pipeline.cli.console import Console
 from pipeline.flight import read_flight
-from pipeline.stages.boresight import Surveyed, boresight_document, boresights
 
 
 def run(arguments: Namespace, console: Console) -> int:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from calibration import Board, Calibration, calibrate_files, calibration_page, pictures, write_camera
-from calibration.errors import CalibrationError, RunningFixError, UsageError
-from calibration.files import write_whole
+from calibration.foundation.errors import CalibrationError, RunningFixError, UsageError
+from calibration.foundation.files import write_whole
 from pipeline.cli.board import read_board
 from pipeline.cli.console import Console
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from argparse import Namespace
 
+from calibration.foundation.errors import DID_NOT_CONVERGE
 from pipeline.cli.console import Console
 from pipeline.cli.flights import machine_summary
 from pipeline.demo import DemoSummary, run_demo
-from pipeline.errors import DID_NOT_CONVERGE
 
 
 def run(arguments: Namespace, console: Console) -> int:

@@ -10,9 +10,9 @@ from typing import Any
 
 import cv2
 
-from calibration.files import write_whole
+from calibration.foundation.errors import TrackingError, UsageError
+from calibration.foundation.files import write_whole
 from pipeline.cli.console import Console
-from pipeline.errors import TrackingError, UsageError
 from pipeline.tracking import Proposal, contact_sheet, propose_targets, video_head
 
 SHEET, BOXES = "contact.png", "boxes.toml"

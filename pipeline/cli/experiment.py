@@ -8,8 +8,8 @@ from argparse import Namespace
 from collections.abc import Mapping
 from typing import Any
 
+from calibration.foundation.errors import UsageError
 from pipeline.cli.console import Console
-from pipeline.errors import UsageError
 from pipeline.experiments import (
     EXPERIMENTS,
     Entry,

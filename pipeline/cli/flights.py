@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from calibration.foundation.errors import DID_NOT_CONVERGE
 from pipeline.cli.console import Console
-from pipeline.errors import DID_NOT_CONVERGE
 from pipeline.flight import read_flight
 from pipeline.stages import RunSummary, run_flight, run_poses, run_solve, run_track
 

@@ -8,7 +8,7 @@ from argparse import Namespace
 from dataclasses import asdict
 from typing import Any
 
-from calibration.files import write_whole
+from calibration.foundation.files import write_whole
 from pipeline.cli.console import Console
 from pipeline.report import log_picture
 from pipeline.stages import log_paths

@@ -7,7 +7,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Sequence
 
-from calibration.errors import RunningFixError
+from calibration.foundation.errors import RunningFixError
 from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2

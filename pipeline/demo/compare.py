@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.records import Comparison, Motion, PoseTrack, Results, Solution, Trajectory, Truth
 

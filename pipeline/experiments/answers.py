@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.experiments.declare import Approach
 from pipeline.experiments.li_rounds import alternated, solve_li
 from pipeline.records import Motion, Problem, Solution, SolveStatus

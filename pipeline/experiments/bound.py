@@ -23,8 +23,8 @@ from functools import cache
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
 from calibration.camera import pixel_from_ray
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.experiments.declare import Spell
 from pipeline.geometry import rotation
 from pipeline.synthetic.scene import Scene, camera_pose, pixels_of, visible

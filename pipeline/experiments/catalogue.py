@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Callable
 from functools import cache
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.experiments import (
     basic_experiments,
     clock_experiments,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.experiments.runner import Job, Workers, perform
 
 

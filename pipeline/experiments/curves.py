@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments.declare import Curve, Value
 from pipeline.experiments.figures import figure_of
 from pipeline.experiments.summary import Outcome

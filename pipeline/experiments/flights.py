@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.errors import GeometryError
 from pipeline.experiments.answers import Answer, optimum, straight, whole
 from pipeline.experiments.declare import Approach, Cell, Experiment, Spell
 from pipeline.experiments.measure import MEASURES, measure, place

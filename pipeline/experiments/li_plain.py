@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import leastsq
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.layout import Frames
 from pipeline.solver.li import STILL_S
 

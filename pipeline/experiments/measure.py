@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments.answers import Answer
 from pipeline.records import Motion
 from pipeline.synthetic.scene import Scene

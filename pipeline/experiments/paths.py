@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments.declare import Experiment, Path3D
 from pipeline.experiments.flights import answer, flown
 from pipeline.experiments.tones import tone

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments.measure import place
 from pipeline.experiments.summary import TWO_SIDED, Entry, Outcome
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pipeline.errors import WriteError
+from calibration.foundation.errors import WriteError
 from pipeline.experiments.catalogue import experiment_named
 from pipeline.experiments.page import render_page
 from pipeline.experiments.runner import Progress, Workers, fly_all

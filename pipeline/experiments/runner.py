@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments.bound import Bound
 from pipeline.experiments.catalogue import experiment_named
 from pipeline.experiments.declare import Experiment, Path3D

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.synthetic.scene import Path, Platform, Scene, SceneCamera, SceneTarget, look_at, polynomial_motion
 from pipeline.synthetic.scenes import ORIGIN, plain_lens
 

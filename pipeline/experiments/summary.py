@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.experiments.bound import Bound, bound
 from pipeline.experiments.declare import Experiment
 from pipeline.experiments.flights import cell_scene

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.export.as_json import dumps
 from pipeline.export.cells import utc_texts
 from pipeline.export.places import (

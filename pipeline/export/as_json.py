@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.export.cells import utc_texts
 from pipeline.records import Bias, Clock, Motion, Redundancy, Results, Solution
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.export.as_tracks import group_rows
 from pipeline.export.cells import Cell, exact, table
 from pipeline.export.csv_reading import CsvTable, read_table

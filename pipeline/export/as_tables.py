@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.export.cells import Cell, rounded, significant, table, utc_texts
 from pipeline.export.places import geodetic_degrees
 from pipeline.records import Clock, Results, Solution, Trajectory

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Ints
+from calibration.foundation.arrays import Ints
 from pipeline.export.cells import Cell, exact, table
 from pipeline.export.csv_reading import CsvTable, read_table
 from pipeline.records import LOST, STATE_NAMES, ImageTrack

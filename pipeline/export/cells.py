@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 
 Cell = str | int | float
 _MUST_BE_QUOTED = re.compile('[,"\r\n]')

@@ -16,9 +16,9 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Bools, Floats, Ints
-from calibration.files import read_bytes
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes
 
 LARGEST_FRAME = 2**31
 

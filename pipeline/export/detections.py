@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import InputFileError
 from pipeline.export.as_tracks import TRACK_COLUMNS, group_rows, read_tracks_csv
 from pipeline.export.csv_reading import CsvTable, read_table
 from pipeline.records import TRACKED, ImageTrack

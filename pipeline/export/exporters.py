@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.files import write_whole
-from pipeline.errors import WriteError
+from calibration.foundation.errors import WriteError
+from calibration.foundation.files import write_whole
 from pipeline.export.as_czml import czml
 from pipeline.export.as_geojson import geojson
 from pipeline.export.as_gpx import gpx

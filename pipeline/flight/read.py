@@ -9,8 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
-from calibration.files import read_bytes
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
+from calibration.foundation.files import read_bytes
 from pipeline.flight.settings import (
     CameraSettings,
     Flight,

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 
 
 class Table:

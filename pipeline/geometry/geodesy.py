@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 
 SEMI_MAJOR_M = 6378137.0
 FLATTENING = 1 / 298.257223563

@@ -11,7 +11,7 @@ import re
 import tomllib
 from typing import Any
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.records import Box
 
 KEY = r"""(?:[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*')"""

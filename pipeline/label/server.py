@@ -14,7 +14,7 @@ from importlib import resources
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from pipeline.errors import RunningFixError, UsageError
+from calibration.foundation.errors import RunningFixError, UsageError
 from pipeline.label.session import LabelSession
 from pipeline.records import Box
 

@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.files import read_bytes, write_whole
-from pipeline.errors import RunningFixError, UsageError
+from calibration.foundation.errors import RunningFixError, UsageError
+from calibration.foundation.files import read_bytes, write_whole
 from pipeline.export import read_tracks_csv
 from pipeline.flight import Flight, read_flight
 from pipeline.label.edit import boxes_swapped, with_box, without_box

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats, frozen, settle
+from calibration.foundation.arrays import Floats, frozen, settle
 
 MotionKind = Literal["polynomial", "spline"]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records.motion import MotionKind
 from pipeline.records.poses import InstrumentSigma, PoseTrack
 from pipeline.records.rays import SightRays

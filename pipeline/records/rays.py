@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

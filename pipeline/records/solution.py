@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
 from pipeline.records.motion import Motion
 from pipeline.records.poses import PoseTrack
 

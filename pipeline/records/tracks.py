@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Bools, Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
 
 TRACKED, REACQUIRED, LOST = 0, 1, 2
 STATE_NAMES = ("tracked", "reacquired", "lost")

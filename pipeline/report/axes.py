@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.report.words import MINUS, NARROW
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import Results
 from pipeline.report.blocks import figure, note, table
 from pipeline.report.markup import Html, joined, number, tag

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import LogPaths
 from pipeline.report.axes import span
 from pipeline.report.markup import Html, tag

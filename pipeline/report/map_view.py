@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, geodetic_from_enu
 from pipeline.records import Results, Trajectory

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 
 VOID = frozenset({"br", "input", "link", "meta"})
 CLOSED = frozenset({"path", "line", "rect", "circle", "ellipse", "polygon", "use"})

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats
 from pipeline.report.axes import Scale
 from pipeline.report.markup import Html, joined, path, specks, tag
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.records import Results, Sightings
 from pipeline.report import cast
 from pipeline.report.axes import span

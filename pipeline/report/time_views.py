@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import Motion, Results, Trajectory
 from pipeline.report import cast
 from pipeline.report.axes import span

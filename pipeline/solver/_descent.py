@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from pipeline.compiled import compiled, inlined
+from calibration.foundation.compiled import compiled, inlined
 from pipeline.solver._kernels import _sight, _stretch, _turn, block_normals, kept_steps
 
 CONVERGED, LIMIT, STALLED = 0, 1, 2

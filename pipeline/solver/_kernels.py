@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from pipeline.compiled import AVAILABLE, compiled, inlined
+from calibration.foundation.compiled import AVAILABLE, compiled, inlined
 
 __all__ = ["AVAILABLE", "assemble", "block_normals", "frame_steps", "kept_shape", "kept_steps", "room", "warm"]
 

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver import _kernels
 from pipeline.solver.blocks import LOCAL_COLUMNS, Blocks, partition
 from pipeline.solver.bordered import Bordered

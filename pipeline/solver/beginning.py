@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver import dense
 from pipeline.solver.dense import Stages

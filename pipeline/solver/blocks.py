@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.layout import Frames
 from pipeline.solver.motion_basis import MotionBasis
 from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, SCALE, START, Drift

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.model import Model, State
 
 FADED, LONGER, FEWEST = 0.1, 4, 12

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import cho_solve_banded
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.bordered import Factor, band_of_inverse
 from pipeline.solver.leverage import freed_gradients
 from pipeline.solver.model import Model, State, drift_penalty, jerk_penalty

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.solver import _descent, _kernels
 from pipeline.solver.blocks import share_per_second, shortened
 from pipeline.solver.elimination import kept_room

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import Finding, Problem
 from pipeline.solver.model import Model, State, residuals_of
 from pipeline.solver.residuals import linearise

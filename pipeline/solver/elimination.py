@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver import _kernels
 from pipeline.solver.blocks import Blocks
 from pipeline.solver.layout import Frames

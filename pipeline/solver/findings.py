@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.arrays import Floats
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.records import CameraInput, Clock, Finding, Problem, SolverSettings
 from pipeline.solver.findings_clocks import OffsetKnowledge, carried, offset_knowledge, solved_offset_knowledge
 from pipeline.solver.findings_rays import (

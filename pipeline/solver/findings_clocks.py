@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.records import CameraInput, Finding, SolverSettings
 from pipeline.solver.search_adjust import polynomial_information
 from pipeline.solver.search_crossing import crossing_information

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Floats
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.solver.assembly import linear, moved
 from pipeline.solver.bordered import factorise
 from pipeline.solver.dense import is_dense, motion_step

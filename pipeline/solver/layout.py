@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.records import CameraInput, Problem
 

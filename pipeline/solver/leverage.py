@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.assembly import blocks_at, global_places, local_from_global
 from pipeline.solver.elimination import block_normals
 from pipeline.solver.model import Model, State

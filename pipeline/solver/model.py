@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.solver.elimination import Loss, PoseError
 from pipeline.solver.layout import Frames
 from pipeline.solver.motion_basis import MotionBasis, jerk_rows

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.records import Motion
 from pipeline.records.motion import MotionKind
 

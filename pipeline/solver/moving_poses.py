@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Floats
-from pipeline.errors import RunningFixError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import RunningFixError
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack, Problem
 from pipeline.solver.layout import Frames

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.records import Redundancy
 from pipeline.solver.covariance import Covariance
 from pipeline.solver.model import Model, State

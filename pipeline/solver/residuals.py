@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.solver.layout import NEAREST_COSINE, Frames
 from pipeline.solver.timing import CAMERA_PARAMETERS

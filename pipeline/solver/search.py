@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from pipeline.errors import GeometryError
+from calibration.foundation.errors import GeometryError
 from pipeline.records import CameraInput, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.search_adjust import polish_polynomial
 from pipeline.solver.search_crossing import ClockPrior, Fit

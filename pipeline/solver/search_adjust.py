@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import exp, matrix, skew
 from pipeline.solver.search_crossing import ClockPrior, Fit, prior_cost, stretch_pull
 from pipeline.solver.search_frames import FrameSet, Whitening, frames_of, whitening

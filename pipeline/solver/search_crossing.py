@@ -22,7 +22,7 @@ from itertools import combinations, groupby, pairwise
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry.rotation import exp, matrix
 from pipeline.solver.search_sweep import CAP, ClockRange, bounded, cross, inner
 from pipeline.solver.search_views import Track, View, thinned

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import skew
 from pipeline.solver.search_polynomial import tangents
 from pipeline.solver.search_views import View

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import skew
 from pipeline.solver.search_sweep import ClockGuess, ClockRange, SetCamera
 from pipeline.solver.search_views import Track, View, thinned

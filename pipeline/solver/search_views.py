@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.records import CameraInput, Problem
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.records import CameraInput, Problem, SolverSettings
 from pipeline.records.motion import MotionKind
 from pipeline.solver.elimination import CAUCHY, HUBER, NONE, Loss, PoseError

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.covariance import Covariance
 from pipeline.solver.model import Model, State, jerk_penalty
 

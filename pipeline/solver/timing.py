@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.layout import Frames
 
 ROT, POS, FOCAL, OFFSET, SCALE, START = slice(0, 3), slice(3, 6), 6, 7, 8, 9

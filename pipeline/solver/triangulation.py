@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import GeometryError
 from pipeline.records import Problem, SolverSettings
 from pipeline.solver.layout import Frames, metric
 from pipeline.solver.model import Model, State, jerk_penalty

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints, frozen, settle
-from pipeline.errors import UsageError
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.errors import UsageError
 from pipeline.flight import CameraSettings, Flight
 from pipeline.tracking import VideoTimes, video_times
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calibration.files import write_whole
+from calibration.foundation.files import write_whole
 from pipeline.stages.results import file_hash
 
 FOLDER = ".runningfix"

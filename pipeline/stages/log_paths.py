@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import enu_from_geodetic
 from pipeline.records import LogPaths

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import UsageError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import UsageError
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
 from pipeline.records.problem import PoseAt

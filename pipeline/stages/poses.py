@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import UsageError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import UsageError
 from pipeline.flight import CameraSettings, Flight, MountSettings
 from pipeline.geometry import rotation
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack

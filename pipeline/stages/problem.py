@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arrays import Ints
 from calibration.camera import CameraModel, focal_effect, pixel_from_ray, unproject
 from calibration.camera_files import read_camera
-from pipeline.errors import GeometryError, InputFileError, UsageError
+from calibration.foundation.arrays import Ints
+from calibration.foundation.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import CameraInput, ImageTrack, InstrumentSigma, PoseTrack, Problem, SightRays, TargetInput
 from pipeline.stages.measured import MeasuredPoses

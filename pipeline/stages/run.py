@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from calibration.camera import CameraModel
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.export import export_all, poses_csv, read_tracks_csv, tracks_csv
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack, Problem, Results, Solution, SolverSettings

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.camera_files import read_camera
-from pipeline.errors import GeometryError, UsageError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError, UsageError
 from pipeline.flight import CameraSettings, Flight
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic

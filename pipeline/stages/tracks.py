@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import InputFileError, UsageError
+from calibration.foundation.errors import InputFileError, UsageError
 from pipeline.export import read_detections_csv, read_tracks_csv
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import Box, ImageTrack

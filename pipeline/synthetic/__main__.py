@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from calibration.errors import RunningFixError
+from calibration.foundation.errors import RunningFixError
 from pipeline.synthetic import Quality, demo_scene, small_scene, write_flight
 
 SCENES = {"demo": (demo_scene, Quality()), "small": (small_scene, Quality(crf=20, photos=14, jpeg=90))}

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from calibration.arrays import Floats
 from calibration.camera import CameraModel, project
+from calibration.foundation.arrays import Floats
 from pipeline.synthetic.landscape import Image
 from pipeline.synthetic.render import Grain, Optics, grain_of, sensed
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.camera import CameraModel
+from calibration.foundation.arrays import Floats
 from pipeline.synthetic.scene import (
     Bridge,
     Landscape,

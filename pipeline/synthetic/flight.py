@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.files import write_whole
+from calibration.foundation.files import write_whole
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import LOST, Box, ImageTrack, Truth
 from pipeline.synthetic.board_photos import PrintedBoard, photos

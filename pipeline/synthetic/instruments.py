@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_axes_turn, geodetic_from_enu
 from pipeline.synthetic.scene import Platform, SceneCamera, body_pose, camera_pose

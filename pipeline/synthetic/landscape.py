@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.synthetic.scene import Bridge, Landscape, Road
 
 Image = npt.NDArray[np.uint8]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.synthetic.instruments import UNDULATION_M, Recording
 

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Bools, Floats
 from calibration.camera import CameraModel, project
+from calibration.foundation.arrays import Bools, Floats
 from pipeline.geometry import rotation
 from pipeline.synthetic.landscape import SHIFT, Country, Image, Solid
 from pipeline.synthetic.scene import Scene, SceneCamera, SceneTarget, camera_pose

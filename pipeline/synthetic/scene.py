@@ -17,8 +17,8 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from calibration.arrays import Bools, Floats, Ints, frozen, settle
 from calibration.camera import CameraModel, project
+from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Motion

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.camera import CameraModel
+from calibration.foundation.arrays import Floats
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.synthetic.scene import Path, Platform, Scene, SceneCamera, SceneTarget, look_at, polynomial_motion
 

@@ -14,8 +14,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
 from calibration.camera import pixel_from_ray, unproject
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.records import (
     LOST,

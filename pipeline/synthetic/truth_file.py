@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
-from calibration.errors import InputFileError
-from calibration.files import read_bytes, write_whole
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes, write_whole
 from pipeline.records import ImageTrack, PoseTrack, Trajectory, Truth
 from pipeline.synthetic.scene import Scene
 

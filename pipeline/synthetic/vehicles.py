@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.synthetic.scene import SceneTarget, VehicleShape
 
 GLASS = (52, 44, 40)

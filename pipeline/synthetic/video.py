@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from calibration.errors import UsageError, WriteError
+from calibration.foundation.errors import UsageError, WriteError
 from pipeline.synthetic.landscape import Image
 
 _EXACT = ("-fflags", "+bitexact", "-flags:v", "+bitexact", "-map_metadata", "-1")

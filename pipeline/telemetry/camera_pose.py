@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_axes_turn_many, enu_from_geodetic, geodetic_from_enu
 from pipeline.records import PoseTrack

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.telemetry.flight_log import ClockFit
 
 REBOOT_S = 10.0

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Ints
-from calibration.files import read_bytes
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Ints
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes
 from pipeline.telemetry.dataflash_layout import CHUNK, DIVISOR, Layout, layouts_of
 from pipeline.telemetry.dataflash_places import judged, scan_dataflash
 from pipeline.telemetry.mapped_file import Bytes, mapped, taken

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Ints
+from calibration.foundation.arrays import Ints
 
 HEAD_1, HEAD_2 = 0xA3, 0x95
 STRETCH = 1 << 22

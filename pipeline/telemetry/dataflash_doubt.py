@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.telemetry.dataflash_layout import LETTERS, Layout
 
 ODDS = 9.0

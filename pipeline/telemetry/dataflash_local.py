@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.telemetry.tables import MessageTable, RawLog
 
 DEGREES_PER_M = 1e-7 / 0.011131884502145034

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Ints
+from calibration.foundation.arrays import Ints
 from pipeline.telemetry.compiled import COMPILED
 from pipeline.telemetry.dataflash_chain import STRETCH, chain, first_message
 from pipeline.telemetry.dataflash_doubt import is_whole

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import fit_clock, plausible_utc, settled, utc_from_gps
 from pipeline.telemetry.dataflash_local import local_position, of_core

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.arrays import Floats
-from calibration.files import read_bytes
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
 from pipeline.telemetry.flight_log import EARTH, AttitudeSeries, Datum, FlightLog, GimbalSeries, PositionSeries
 from pipeline.telemetry.geoid import geoid_height_m

@@ -16,8 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import InputFileError, UsageError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import InputFileError, UsageError
 from pipeline.telemetry.clocks import MAX_DRIFT, REBOOT_S, restarts_of
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.log_time import resolve_start

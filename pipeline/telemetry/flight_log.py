@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
 
 LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt"]
 EARTH, HEADING, BODY = 0, 1, 2

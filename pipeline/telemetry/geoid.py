@@ -14,7 +14,7 @@ from importlib import resources
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 
 ROWS, COLUMNS, PER_DEGREE = 721, 1440, 4
 

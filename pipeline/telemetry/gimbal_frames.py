@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry import rotation
 from pipeline.telemetry.flight_log import BODY, EARTH, HEADING, AttitudeSeries, GimbalSeries
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.telemetry.geoid import geoid_height_m
 
 LARGEST_UNDULATION_M = 120.0

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.telemetry.camera_pose import MAX_GAP_S
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.gimbal_frames import FRAME_NAMES

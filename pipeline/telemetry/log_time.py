@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import InputFileError, UsageError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import InputFileError, UsageError
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.telemetry.flight_log import FlightLog
 from pipeline.telemetry.missing import missing_position

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Ints
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Ints
+from calibration.foundation.errors import InputFileError
 
 Bytes = mmap.mmap | bytes
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.telemetry.flight_log import LogFormat
 from pipeline.telemetry.mapped_file import Bytes, mapped, taken
 from pipeline.telemetry.mavlink_names import WANTED, has_stamps

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.telemetry.flight_log import LogFormat
 from pipeline.telemetry.mapped_file import Bytes, mapped
 from pipeline.telemetry.mavlink_names import WANTED, has_stamps

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import BootClock, boot_clock, fit_clock, plausible_utc
 from pipeline.telemetry.flight_log import (

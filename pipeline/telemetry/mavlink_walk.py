@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Bools, Ints
+from calibration.foundation.arrays import Bools, Ints
 from pipeline.telemetry.mapped_file import taken
 
 V1, V2 = 0xFE, 0xFD

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.telemetry.flight_log import FlightLog, LogFormat
 
 POSITION_SOURCES: dict[LogFormat, str] = {

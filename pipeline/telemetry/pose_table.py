@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints, frozen, settle
-from calibration.files import read_bytes
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack
 from pipeline.telemetry.camera_pose import MAX_GAP_S, spans

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.telemetry.compiled import COMPILED
 from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.dataflash_poses import dataflash_flight

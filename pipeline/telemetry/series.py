@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.telemetry.flight_log import AttitudeSeries, Datum, GimbalSeries, PositionSeries
 from pipeline.telemetry.tables import MessageTable
 

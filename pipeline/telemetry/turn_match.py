@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Bools, Floats, frozen, settle
+from calibration.foundation.arrays import Bools, Floats, frozen, settle
 
 GRID_S = 0.02
 SMOOTH_S = 0.08

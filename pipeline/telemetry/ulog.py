@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks import fit_clock, plausible_utc
 from pipeline.telemetry.flight_log import (

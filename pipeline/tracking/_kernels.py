@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.compiled import AVAILABLE, compiled
+from calibration.foundation.compiled import AVAILABLE, compiled
 
 __all__ = ["AVAILABLE", "judged", "settled"]
 

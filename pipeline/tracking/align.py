@@ -22,7 +22,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking import _kernels
 from pipeline.tracking.template import Patch, Pixels, Template, Warp
 from pipeline.tracking.video import Image

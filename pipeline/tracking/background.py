@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.video import Frame, Image
 
 CORNERS, REFRESH, FEWEST = 120, 6, 12

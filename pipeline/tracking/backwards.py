@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.fields import upper_field
 from pipeline.tracking.video import SAME_S, Frame, Image, interlaced, opened

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.align import Alignment, align
 from pipeline.tracking.background import Scene, moved
 from pipeline.tracking.changed import changed

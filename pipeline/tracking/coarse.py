@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import TrackerName
 from pipeline.tracking.changed import changed
 from pipeline.tracking.template import Warp

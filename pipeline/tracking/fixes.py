@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.align import Alignment
 from pipeline.tracking.followed import Fix
 from pipeline.tracking.template import Template

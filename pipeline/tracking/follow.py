@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.align import Alignment
 from pipeline.tracking.background import Scene

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.background import Scene, moved
 from pipeline.tracking.coarse import Coarse
 from pipeline.tracking.kinematics import Course

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.background import moved
 
 ACCELERATION_SIZES = 2.0  # target lengths per second squared, held for PERSISTENCE_S

@@ -14,7 +14,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.background import Scene
 from pipeline.tracking.video import Image

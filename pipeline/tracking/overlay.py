@@ -16,8 +16,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
-from pipeline.errors import WriteError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import WriteError
 from pipeline.records import ImageTrack
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.video import Image, frames_of

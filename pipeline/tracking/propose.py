@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.background import Scene, moved, scenes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calibration.arrays import Floats, frozen, settle
+from calibration.foundation.arrays import Floats, frozen, settle
 from pipeline.records import ImageTrack
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.align import Alignment
 from pipeline.tracking.template import Pixels, Template, Warp, sample
 from pipeline.tracking.video import Image

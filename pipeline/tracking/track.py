@@ -14,8 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats, Ints
-from pipeline.errors import TrackingError, UsageError
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.background import Scene, scenes

@@ -21,8 +21,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Bools, Floats, frozen, settle
 from calibration.camera import CameraModel, unproject
+from calibration.foundation.arrays import Bools, Floats, frozen, settle
 from pipeline.geometry import rotation
 from pipeline.tracking.video import Image, frames_of, video_head
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.tracking.align import Alignment
 from pipeline.tracking.background import Scene
 from pipeline.tracking.behind import LEAST_AWAY_PX, odds_against_scene

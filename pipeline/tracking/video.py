@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from calibration.arrays import Floats
-from pipeline.errors import InputFileError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import InputFileError
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.fields import is_woven, upper_field
 from pipeline.tracking.records import VideoTimes

@@ -10,8 +10,8 @@ import pytest
 from calibration import Board, read_camera
 from calibration.charuco import charuco_board
 from pipeline.cli.main import main
-from tests.calibration_scenes import camera, poses, rendered_photos, true_corners
-from tests.table_flight import write_table_flight
+from tests.scenes.calibration import camera, poses, rendered_photos, true_corners
+from tests.scenes.table_flight import write_table_flight
 
 
 @pytest.fixture(scope="module")

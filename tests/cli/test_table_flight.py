@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.cli.main import main
 from scripts.check_resume import contents, differences
-from tests.table_flight import write_table_flight
+from tests.scenes.table_flight import write_table_flight
 
 
 @pytest.fixture(scope="module")

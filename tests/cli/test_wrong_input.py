@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.cli.main import main
-from tests.table_flight import write_table_flight
+from tests.scenes.table_flight import write_table_flight
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibration import write_camera
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.flight import read_flight
 from pipeline.stages import measure_poses, open_sources
 from pipeline.synthetic.demo_scenes import small_scene

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.export import export_all, poses_csv, tracks_csv
-from tests.golden.export.export_scene import poses, tiny_results, tracks
+from tests.scenes.export import poses, tiny_results, tracks
 
 EXPECTED = Path(__file__).parent / "expected"
 FILES = {

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from pipeline.report import render_report
-from tests.report_results import fake_results
+from tests.scenes.report import fake_results
 
 EXPECTED = Path(__file__).parent / "expected" / "report.txt"
 LINES = {"h1", "h2", "h3", "h4", "p", "li", "tr", "figcaption", "summary", "caption", "dt", "dd", "title"}

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
+from calibration.foundation.errors import UsageError
 from pipeline.cli.main import main
-from pipeline.errors import UsageError
 from pipeline.experiments import cluster, processes, run_experiment, write_outcome
 
 SILENT = lambda *_: None  # noqa: E731

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.report import render_report
-from tests.report_results import fake_results
+from tests.scenes.report import fake_results
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 BROWSER = next((found for found in map(shutil.which, NAMES) if found), None)

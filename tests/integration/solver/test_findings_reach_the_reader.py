@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.errors import GeometryError
+from calibration.foundation.errors import GeometryError
 from pipeline.export import solution_json
 from pipeline.records import Problem, SolverSettings
 from pipeline.report.summary import remarks
 from pipeline.solver import solve
-from tests.golden.export.export_scene import tiny_results
+from tests.scenes.export import tiny_results
 from tests.unit.solver.test_findings import CAR, CURVED, SIGMA, STILL_SOUTH, STILL_WEST, STRAIGHT, VAN, Cam, poly, scene
 
 TOLD_SOUTH = Cam(STILL_SOUTH, tell_offset=True)

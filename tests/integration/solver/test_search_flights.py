@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.arrays import Floats
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.flight import read_flight
 from pipeline.geometry import rotation
 from pipeline.records import (

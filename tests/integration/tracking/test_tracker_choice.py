@@ -14,7 +14,7 @@ from pipeline.export import read_tracks_csv, tracks_csv
 from pipeline.flight import read_flight
 from pipeline.stages import run_track
 from pipeline.tracking import track_video
-from tests.integration.tracking.moving_scene import Scene, first_box, render, scene, truth, write
+from tests.scenes.moving import Scene, first_box, render, scene, truth, write
 
 FRAMES, VISIBLE = 40, 0.9
 

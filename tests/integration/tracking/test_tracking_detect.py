@@ -13,7 +13,7 @@ import pytest
 
 from pipeline.cli.main import main
 from pipeline.tracking import propose_targets
-from tests.integration.tracking.moving_scene import first_box, render, scene, truth, write
+from tests.scenes.moving import first_box, render, scene, truth, write
 
 FRAMES, SIZE = 60, (480, 320)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from calibration import read_camera, write_camera
-from tests.calibration_scenes import camera
+from tests.scenes.calibration import camera
 
 
 @pytest.mark.parametrize(("name", "suffix"), [("opencv-yaml", ".yml"), ("opencv-xml", ".xml")])

@@ -10,7 +10,7 @@ import pandas as pd
 from pyproj import Transformer
 
 from pipeline.export import czml, geojson, trajectory_csv
-from tests.golden.export.export_scene import BUS, tiny_results
+from tests.scenes.export import BUS, tiny_results
 
 PROJ = Transformer.from_pipeline(
     "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lon_0=8.5 +lat_0=47.4 +h_0=500 "

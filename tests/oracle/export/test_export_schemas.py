@@ -22,7 +22,7 @@ import pytest
 from pipeline.export import export_all, kml
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Results
-from tests.golden.export.export_scene import tiny_results
+from tests.scenes.export import tiny_results
 
 FLIGHTS: dict[str, Results] = {
     "usual": tiny_results(),

@@ -14,7 +14,7 @@ from pipeline.telemetry.camera_pose import Mount
 from pipeline.telemetry.dataflash import read_dataflash
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.mavlink_plain import read_mavlink_plain
-from tests.unit.telemetry.written_logs import Link, dataflash, fly
+from tests.scenes.logs import Link, dataflash, fly
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "logs"
 ALL_NAMES = tuple(message.msgname for message in mav.mavlink_map.values())

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.telemetry import read_log
 from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.mavlink_plain import read_mavlink_plain
-from tests.unit.telemetry.written_logs import Link, dataflash_records, fly
+from tests.scenes.logs import Link, dataflash_records, fly
 
 KINDS = ("flip", "insert", "drop", "cut", "end")
 MESSAGES = ("ATTITUDE", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "SYSTEM_TIME", "HEARTBEAT")

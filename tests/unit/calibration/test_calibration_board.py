@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from calibration import Board
-from calibration.errors import UsageError
+from calibration.foundation.errors import UsageError
 
 
 def test_parse_counts_inner_corners_row_by_row():

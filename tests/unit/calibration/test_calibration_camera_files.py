@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibration import FORMATS, CameraModel, read_camera, write_camera
-from calibration.errors import InputFileError, UsageError
-from tests.calibration_scenes import camera
+from calibration.foundation.errors import InputFileError, UsageError
+from tests.scenes.calibration import camera
 
 GOOD = {
     "model": "pinhole",

@@ -7,11 +7,11 @@ import pytest
 
 from calibration import Board, calibrate, calibrate_files, read_camera, write_camera
 from calibration.charuco import charuco_board
-from calibration.errors import InputFileError, UsageError
 from calibration.exif import exif_of
+from calibration.foundation.errors import InputFileError, UsageError
 from calibration.from_files import spread_out
 from calibration.photos import find_photos, read_photo
-from tests.calibration_scenes import BOARD, camera, computed_views, rendered_photos
+from tests.scenes.calibration import BOARD, camera, computed_views, rendered_photos
 
 
 @pytest.fixture(scope="session")

@@ -21,5 +21,5 @@ def test_every_name_is_there_and_none_is_a_modules():
 
 
 def test_what_is_not_asked_for_is_not_loaded():
-    code = "import sys, calibration.arrays; print('cv2' in sys.modules)"
+    code = "import sys, calibration.foundation.arrays; print('cv2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

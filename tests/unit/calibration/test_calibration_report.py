@@ -2,7 +2,7 @@ from html.parser import HTMLParser
 
 from calibration import RejectedView, calibrate
 from calibration.report import calibration_page
-from tests.calibration_scenes import BOARD, camera, computed_views
+from tests.scenes.calibration import BOARD, camera, computed_views
 
 
 class Tags(HTMLParser):

@@ -6,9 +6,9 @@ import pytest
 
 from calibration import calibrate
 from calibration.adjust import project_with_jacobian
-from calibration.errors import CalibrationError, InputFileError, UsageError
+from calibration.foundation.errors import CalibrationError, InputFileError, UsageError
 from calibration.views import BoardView
-from tests.calibration_scenes import BOARD, camera, computed_views, poses, true_corners
+from tests.scenes.calibration import BOARD, camera, computed_views, poses, true_corners
 
 
 @cache

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.experiments import EXPERIMENTS, experiment_named
 from pipeline.experiments.answers import optimum
 from pipeline.experiments.approaches import LI, LI_TO_THE_END, MAP, MULTI_TI, PLAIN_LI, PLAIN_LI_TO_THE_END

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.export import read_detections_csv, tracks_csv
 from pipeline.records import TRACKED
-from tests.golden.export.export_scene import BUS, VAN, tracks
+from tests.scenes.export import BUS, VAN, tracks
 
 
 def read(path: Path, content: str | bytes, **settings: object) -> tuple:

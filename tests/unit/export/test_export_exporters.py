@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import WriteError
+from calibration.foundation.errors import WriteError
 from pipeline.export import EXPORTS, export_all, not_exported, write_exports
-from tests.golden.export.export_scene import tiny_results
+from tests.scenes.export import tiny_results
 
 MAPS = {"trajectory.geojson", "trajectory.kml", "trajectory.czml", "trajectory.gpx"}
 

@@ -13,7 +13,7 @@ import pytest
 from pipeline.export import solution_json
 from pipeline.export.as_json import dumps, plain
 from pipeline.records import Motion
-from tests.golden.export.export_scene import BUS, covariance_band, tiny_results
+from tests.scenes.export import BUS, covariance_band, tiny_results
 
 
 def refuse(name: str) -> None:

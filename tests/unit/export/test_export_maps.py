@@ -14,7 +14,7 @@ from pipeline.export.as_geojson import cut_at_antimeridian, line_or_point
 from pipeline.export.places import geodetic_degrees, target_paths, thinned
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Results, Trajectory
-from tests.golden.export.export_scene import BUS, VAN, tiny_results
+from tests.scenes.export import BUS, VAN, tiny_results
 
 KML = "{http://www.opengis.net/kml/2.2}"
 GX = "{http://www.google.com/kml/ext/2.2}"

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.export import (
     clock_csv,
     poses_csv,
@@ -22,7 +22,7 @@ from pipeline.export import (
     trajectory_csv,
 )
 from pipeline.records import ImageTrack, PoseTrack
-from tests.golden.export.export_scene import BUS, VAN, poses, tiny_results, tracks
+from tests.scenes.export import BUS, VAN, poses, tiny_results, tracks
 
 COLUMNS = {
     tracks_csv(()): "camera,target,frame,time_s,x_px,y_px,sigma_px,state",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import InputFileError, UsageError
+from calibration.foundation.errors import InputFileError, UsageError
 from pipeline.flight import read_flight
 from pipeline.records import Box
 

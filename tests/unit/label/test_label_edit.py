@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import UsageError
+from calibration.foundation.errors import UsageError
 from pipeline.label import boxes_swapped, with_box, without_box
 from pipeline.records import Box
 

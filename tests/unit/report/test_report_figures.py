@@ -21,7 +21,7 @@ from pipeline.report.space_view import focal_px, space_data
 from pipeline.report.time_views import height_and_speed, uncertainty_figure
 from pipeline.report.timeline_view import targets_table, timeline_figure
 from pipeline.report.truth_view import truth_figures
-from tests.report_results import FOCAL_PX, fake_results
+from tests.scenes.report import FOCAL_PX, fake_results
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.records import Motion, Results, Sightings, Trajectory
 from pipeline.report import render_report
-from tests.report_results import fake_results
+from tests.scenes.report import fake_results
 
 VOID = {"br", "input", "link", "meta"}
 

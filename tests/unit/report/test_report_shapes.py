@@ -14,7 +14,7 @@ from pipeline.report import cast
 from pipeline.report.ellipses import ellipse_path, enlargement
 from pipeline.report.placing import place
 from pipeline.report.spells import losses, spells, times_seen
-from tests.report_results import fake_results
+from tests.scenes.report import fake_results
 
 SIGHTING_ARRAYS = ("time_s", "residual_px", "residual_sigma", "position_enu_m")
 

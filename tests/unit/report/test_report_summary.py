@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.records import Finding, OffsetCandidate, Results
 from pipeline.report.summary import header, remarks, typical_sigma_m, verdict
-from tests.report_results import fake_results
+from tests.scenes.report import fake_results
 
 
 def solved(results: Results, **changes) -> Results:

@@ -14,7 +14,7 @@ from pipeline.solver.timing import common_time_s, drift_knots
 from pipeline.synthetic.scene import camera_pose
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import Noise, simulate
-from tests.unit.solver.solver_scenes import looped_flight
+from tests.scenes.solver import looped_flight
 
 LATE_S = 0.15
 QUIET = Noise(
@@ -83,7 +83,7 @@ def test_the_start_of_the_log_is_found():
 
 def test_a_log_that_ends_too_early_is_carried_on():
     """Beyond the log's end poses go on as fast as they moved, instead of an error in the middle of the descent."""
-    from pipeline.errors import InputFileError
+    from calibration.foundation.errors import InputFileError
 
     scene = paper_scene(order=1, targets=4, offset_frames=2)
     problem, _ = simulate(scene, noise=QUIET, seed=2)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.errors import GeometryError
+from calibration.foundation.errors import GeometryError
 from pipeline.records import SolverSettings
 from pipeline.solver import _kernels, beginning, dense, intersection, levenberg
 from pipeline.solver.layout import metric, pack

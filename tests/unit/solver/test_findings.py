@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from calibration.arrays import Floats
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.geometry import rotation
 from pipeline.records import (
     CameraInput,

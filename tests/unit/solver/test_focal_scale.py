@@ -10,7 +10,7 @@ import pytest
 from calibration.camera import CameraModel, focal_effect, pixel_from_ray, project, unproject
 from pipeline.records import SolverSettings
 from pipeline.solver import solve
-from tests.unit.solver.solver_scenes import looped_flight
+from tests.scenes.solver import looped_flight
 
 TRUE = (0.98, 1.01, 0.99)
 BARREL = np.array([-0.26, 0.075, 0.0, 0.0, -0.009])

@@ -10,7 +10,7 @@ from pipeline.solver.elimination import block_normals
 from pipeline.solver.layout import metric
 from pipeline.solver.residuals import left_jacobian, linearise
 from pipeline.solver.timing import common_time_s
-from tests.unit.solver.solver_scenes import changed, rich_model, with_unknowns
+from tests.scenes.solver import changed, rich_model, with_unknowns
 
 STEP = 1e-6
 KINDS = [("polynomial",), ("polynomial", "polynomial"), ("polynomial", "spline"), ("spline", "spline")]

@@ -17,7 +17,7 @@ from pipeline.solver.elimination import (
 from pipeline.solver.layout import metric
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
-from tests.unit.solver.solver_scenes import changed, placed_model, rich_model
+from tests.scenes.solver import changed, placed_model, rich_model
 
 pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
 

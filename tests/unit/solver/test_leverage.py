@@ -11,7 +11,7 @@ from pipeline.solver.bordered import factorise
 from pipeline.solver.covariance import Inverse
 from pipeline.solver.elimination import block_normals
 from pipeline.solver.leverage import freed_gradients
-from tests.unit.solver.solver_scenes import changed, rich_model
+from tests.scenes.solver import changed, rich_model
 
 KINDS = [("polynomial", "polynomial"), ("polynomial", "spline"), ("spline", "spline")]
 

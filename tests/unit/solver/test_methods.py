@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.errors import GeometryError
+from calibration.foundation.errors import GeometryError
 from pipeline.geometry import rotation
 from pipeline.records import SolverSettings, TargetInput
 from pipeline.records.problem import METHODS

@@ -10,8 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from calibration.arrays import Floats
-from pipeline.errors import GeometryError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.records import OffsetCandidate, SolverSettings
 from pipeline.solver.search import is_ambiguous, search_offsets
 from pipeline.solver.search_sweep import Rays, bounded, crossing_residuals

@@ -4,8 +4,8 @@ import pickle
 
 import pytest
 
-from calibration.files import write_whole
-from pipeline.errors import GeometryError, TrackingError, WriteError
+from calibration.foundation.errors import GeometryError, TrackingError, WriteError
+from calibration.foundation.files import write_whole
 from pipeline.stages.ledger import FOLDER, Ledger, key_of
 
 

@@ -13,7 +13,7 @@ from pipeline.flight import read_flight
 from pipeline.stages import measure_poses, open_sources, sources
 from pipeline.synthetic.demo_scenes import small_scene
 from pipeline.telemetry import excerpt, pieces
-from tests.unit.telemetry.written_logs import RECORD_EPOCH_S, tlog
+from tests.scenes.logs import RECORD_EPOCH_S, tlog
 
 VIDEO = Path(__file__).parents[3] / "data" / "flight" / "uav2.mp4"
 

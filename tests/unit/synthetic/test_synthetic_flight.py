@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.records import LOST
 from pipeline.synthetic import Quality, demo_scene, paper_scene, read_truth, small_scene, write_flight
 from pipeline.synthetic.flight import first_box

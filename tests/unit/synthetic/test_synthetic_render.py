@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.errors import UsageError, WriteError
+from calibration.foundation.errors import UsageError, WriteError
 from pipeline.synthetic.demo_scenes import demo_scene, small_scene
 from pipeline.synthetic.landscape import Country, paint
 from pipeline.synthetic.render import Optics, draw_vehicle, frames, ground_seen, ray_table, view_at

@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.telemetry import log_sigma, read_log
 from pipeline.telemetry.ulog import _accuracy as ulog_accuracy
-from tests.unit.telemetry import written_logs
-from tests.unit.telemetry.written_logs import Link, dataflash_records, definitions, fly, record
+from tests.scenes import logs as written_logs
+from tests.scenes.logs import Link, dataflash_records, definitions, fly, record
 
 EXTRA = {
     "ORGN": (140, "QBLLe", "TimeUS,Type,Lat,Lng,Alt"),

@@ -14,7 +14,7 @@ from pipeline.geometry.geodesy import Geodetic, enu_from_geodetic
 from pipeline.telemetry import Mount, camera_poses
 from pipeline.telemetry.flight_log import BODY, EARTH, HEADING
 from pipeline.telemetry.gimbal_frames import frame_of_flags
-from tests.unit.telemetry.written_logs import PLACE, log_of, turned
+from tests.scenes.logs import PLACE, log_of, turned
 
 E, N, U = np.eye(3)
 HALF = np.sqrt(0.5)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.telemetry import (
     Excerpt,
     Mount,
@@ -26,7 +26,7 @@ from pipeline.telemetry.dataflash import read_dataflash
 from pipeline.telemetry.excerpt_formats import dataflash_pieces, tlog_pieces
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.pieces import bytes_in, joined, sampled, share_read
-from tests.unit.telemetry.written_logs import BOOT_UTC_S, PLACE, RECORD_EPOCH_S, Link, dataflash_records, fly
+from tests.scenes.logs import BOOT_UTC_S, PLACE, RECORD_EPOCH_S, Link, dataflash_records, fly
 
 SECONDS, BOOT_S = 600.0, 100.0
 END_S = BOOT_S + SECONDS

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.telemetry import Mount, camera_poses, inspect_log, read_log
-from tests.unit.telemetry.written_logs import log_of, tlog
+from tests.scenes.logs import log_of, tlog
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "dji-srt"
 

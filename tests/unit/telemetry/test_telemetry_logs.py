@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from pipeline.errors import InputFileError, UsageError
+from calibration.foundation.errors import InputFileError, UsageError
 from pipeline.geometry import rotation
 from pipeline.telemetry import (
     Mount,
@@ -29,7 +29,7 @@ from pipeline.telemetry.dataflash_poses import dataflash_flight
 from pipeline.telemetry.flight_log import BODY, HEADING
 from pipeline.telemetry.mavlink_fast import read_mavlink_fast
 from pipeline.telemetry.mavlink_plain import dialect_module
-from tests.unit.telemetry.written_logs import (
+from tests.scenes.logs import (
     BOOT_UTC_S,
     PLACE,
     RECORD_EPOCH_S,
@@ -336,7 +336,7 @@ class TestGimbal:
 def log_with_place(log):
     from dataclasses import replace
 
-    from tests.unit.telemetry.written_logs import log_of
+    from tests.scenes.logs import log_of
 
     return replace(log, position=log_of(time_s=(104.0, 105.0, 106.0)).position)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.telemetry import read_pose_table, table_poses
 
 HEADER = "time_s,east_m,north_m,up_m,qw,qx,qy,qz"

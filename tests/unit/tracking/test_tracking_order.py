@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.errors import InputFileError
+from calibration.foundation.errors import InputFileError
 from pipeline.tracking import FrameReader, track_video, video_times
 from pipeline.tracking.ahead import ahead
 from pipeline.tracking.backwards import frames_back

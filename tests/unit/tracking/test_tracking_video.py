@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.errors import InputFileError, TrackingError, UsageError
+from calibration.foundation.errors import InputFileError, TrackingError, UsageError
 from pipeline.records import Box
 from pipeline.tracking import track_video, video_times
 from pipeline.tracking.video import frames_of

@@ -6,7 +6,7 @@ import contextlib
 import os
 from pathlib import Path
 
-from calibration.errors import InputFileError, WriteError
+from calibration.foundation.errors import InputFileError, WriteError
 
 
 def read_bytes(path: Path, *, expected: str) -> bytes:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.boresight.adjust import Known, find_boresight
 from pipeline.geometry import rotation
 from pipeline.records import InstrumentSigma, PoseTrack, SightRays
-from pipeline.solver.boresight import Known, find_boresight
 
 FOCAL_PX = 1000.0
 SIGMA = InstrumentSigma(attitude_rad=np.radians(0.2), position_bias_m=0.5, position_m=0.2)

@@ -7,9 +7,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from calibration.arrays import Floats
 from calibration.board import Board
 from calibration.camera import CameraModel, project, unproject
+from calibration.foundation.arrays import Floats
 from calibration.views import BoardView
 
 BOARD = Board(cols=9, rows=6, square_m=0.025)

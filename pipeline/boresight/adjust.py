@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Floats, Ints, frozen, settle
 from pipeline.geometry import rotation
 from pipeline.records import InstrumentSigma, PoseTrack, SightRays
 

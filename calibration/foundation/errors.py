@@ -5,6 +5,9 @@ Every error a user can cause is a `RunningFixError`; its class decides the exit 
 
 from __future__ import annotations
 
+DID_NOT_CONVERGE = 7
+"""Exit code of a run that ended without an answer to be used: not an error, a status of the solution."""
+
 
 class RunningFixError(Exception):
     """One message for one mistake.
@@ -40,6 +43,18 @@ class InputFileError(RunningFixError):
     """An input file is missing, unreadable, truncated or says something impossible."""
 
     exit_code = 3
+
+
+class TrackingError(RunningFixError):
+    """The video could be read, but a target could not be followed."""
+
+    exit_code = 4
+
+
+class GeometryError(RunningFixError):
+    """The observations cannot determine the answer."""
+
+    exit_code = 5
 
 
 class WriteError(RunningFixError):

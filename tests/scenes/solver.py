@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from calibration.arrays import Floats
+from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack, Problem, SightRays, SolverSettings, TargetInput
 from pipeline.records.motion import MotionKind

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arrays import Floats
-from pipeline.errors import GeometryError, InputFileError, UsageError
+from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError, InputFileError, UsageError
+from pipeline.boresight.adjust import Boresight, Known, find_boresight
 from pipeline.export.csv_reading import read_table
 from pipeline.flight import Flight
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_from_geodetic
 from pipeline.records import PoseTrack, SightRays
-from pipeline.solver.boresight import Boresight, Known, find_boresight
 from pipeline.stages.measured import MeasuredPoses
 from pipeline.stages.poses import measure_poses
 from pipeline.stages.problem import poses_of, read_models, sight_rays
