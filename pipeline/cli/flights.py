@@ -44,6 +44,9 @@ def machine_summary(summary: RunSummary, out: Path, *, solved: bool) -> dict[str
         solution = json.loads((out / "solution.json").read_text())
         found |= {key: solution[key] for key in FIGURES}
         found["findings"] = solution.get("findings", [])
+        found["verdict"] = solution["verdict"]
+        found["clocks"] = [{key: clock[key] for key in CLOCK} for clock in solution["clocks"]]
+        found["sigma_m"] = typical_sigmas_m(out / "trajectory.csv")
     return found | {
         "seconds": {name: round(value, 6) for name, value in summary.seconds.items()},
         "skipped": list(summary.skipped),

@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline
 
 from calibration.foundation.arrays import Floats
 from pipeline.export.cells import utc_texts
-from pipeline.records import Bias, Clock, Motion, Redundancy, Results, Solution
+from pipeline.records import Bias, Clock, DepthRange, Motion, Redundancy, Results, Solution, Verdict
 
 FORMAT = 1
 """Of solution.json; grows when a reader of the old one would be misled."""
@@ -98,12 +98,14 @@ def _document(results: Results) -> dict[str, Any]:
         "cost": s.cost,
         "chi_square": s.chi_square,
         "degrees_of_freedom": s.degrees_of_freedom,
+        "verdict": verdict_plain(s.verdict),
         "unit_weight": _unit_weight(s),
         "observations": len(s.sightings.frame),
         "frame": _frame(results),
         "clocks": [_clock(c) for c in s.clocks],
         "biases": [_bias(b) for b in s.biases],
         "motions": [_motion(m, s) for m in s.motions],
+        "depths": [_depth(d) for d in s.depths],
         "shared": _shared(s),
         "redundancies": [_redundancy(r) for r in s.redundancies],
         "offset_candidates": [
@@ -136,10 +138,43 @@ def _unit_weight(solution: Solution) -> dict[str, Any] | None:
     if test is None:
         return None
     return {
+        "redundancy": short(np.array(solution.expected_chi_square)),
         "variance_factor": short(np.array(test.variance_factor)),
         "interval_95": short(np.array([test.low, test.high])),
         "p_value": short(np.array(test.p_value)),
         "passed": test.passed,
+    }
+
+
+def verdict_plain(verdict: Verdict) -> dict[str, Any]:
+    """The verdict as files and `--json` hold it."""
+    return {
+        "grade": verdict.grade,
+        "reasons": [
+            {
+                "kind": r.kind,
+                "subject": r.subject,
+                "grade": r.grade,
+                "words": r.words,
+                "advice": r.advice,
+                "figure": short(np.array(r.figure), 6) if math.isfinite(r.figure) else None,
+                "measure": r.measure,
+            }
+            for r in verdict.reasons
+        ],
+    }
+
+
+def _depth(of: DepthRange) -> dict[str, Any]:
+    """A target's distance that has no symmetric sigma; null: no upper end."""
+    return {
+        "target": of.target,
+        "camera": of.camera,
+        "time_s": of.time_s,
+        "depth_m": short(np.array(of.depth_m)),
+        "sigma_m": short(np.array(of.sigma_m)),
+        "within_68_m": short(np.array(of.within_68_m)),
+        "within_95_m": short(np.array(of.within_95_m)),
     }
 
 

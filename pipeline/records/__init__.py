@@ -31,8 +31,10 @@ from pipeline.records.tracks import (
     TrackerName,
 )
 from pipeline.records.truth import Truth
+from pipeline.records.verdict import GRADES, DepthRange, Grade, Reason, Verdict, worst
 
 __all__ = [
+    "GRADES",
     "LOST",
     "REACQUIRED",
     "STATE_NAMES",
@@ -43,7 +45,9 @@ __all__ = [
     "CameraInput",
     "Clock",
     "Comparison",
+    "DepthRange",
     "Finding",
+    "Grade",
     "ImageTrack",
     "InstrumentSigma",
     "LogPaths",
@@ -51,6 +55,7 @@ __all__ = [
     "OffsetCandidate",
     "PoseTrack",
     "Problem",
+    "Reason",
     "Redundancy",
     "Results",
     "SightRays",
@@ -63,4 +68,6 @@ __all__ = [
     "Trajectory",
     "Truth",
     "UnitWeight",
+    "Verdict",
+    "worst",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -11,6 +12,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints, frozen, settle
 from pipeline.records.motion import Motion
 from pipeline.records.poses import PoseTrack
+from pipeline.records.verdict import DepthRange, Verdict
 
 SolveStatus = Literal["converged", "iteration-limit", "stalled"]
 
@@ -176,6 +178,9 @@ class Solution:
     shared_covariance (s, s) of them; `shared_covariance_robust` is the cluster-robust (sandwich) version
     redundancies     of every camera, then of every target; empty where no covariance was determined
     motions_robust   the same motions with the sandwich covariance in place of the plain one
+    expected_chi_square  what `chi_square` is on average if all claims are true: the true redundancy; NaN where unknown
+    verdict          whether to use it, and what speaks against it
+    depths           of targets whose distance is so unsure that a sigma would mislead
     seconds          of the numerical solve alone (kernels warm), never written to a file
     settings         in force, as plain values
     """
@@ -199,6 +204,9 @@ class Solution:
     shared_covariance_robust: Floats | None = None
     motions_robust: tuple[Motion, ...] = ()
     redundancies: tuple[Redundancy, ...] = ()
+    expected_chi_square: float = math.nan
+    verdict: Verdict = field(default_factory=Verdict)
+    depths: tuple[DepthRange, ...] = ()
     seconds: float = 0.0
     settings: Mapping[str, Any] = field(default_factory=dict)
 
@@ -209,7 +217,7 @@ class Solution:
             return None
         from scipy.stats import chi2  # slow to import
 
-        free = self.degrees_of_freedom
+        free = self.expected_chi_square if self.expected_chi_square > 0 else float(self.degrees_of_freedom)
         low, high = (float(chi2.ppf(share, free)) / free for share in (0.025, 0.975))
         tails = chi2.cdf(self.chi_square, free), chi2.sf(self.chi_square, free)
         return UnitWeight(

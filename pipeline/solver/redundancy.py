@@ -12,6 +12,7 @@ looked at and stand for the others.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -26,11 +27,36 @@ from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, S
 FRAMES = 60
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RedundancyTable:
+    """By camera and target.
+
+    seen  (C, N) equations, two a sighting; left (C, N) their redundancy; off (C, N) their sum of squares
+    own   (C,) what the frames' own errors' squares, in prior sigmas, sum to on average
+    """
+
+    seen: Floats
+    left: Floats
+    off: Floats
+    own: Floats
+
+
 def redundancies(model: Model, state: State, covariance: Covariance, square: Floats) -> tuple[Redundancy, ...]:
     """Of every camera, then of every target; `square` (F, N) are squared residuals in sigmas."""
     frames = model.frames
+    table = redundancy_table(model, state, covariance, square)
+    seen, left, off = table.seen, table.left, table.off
+    return (
+        *(_record("camera", name, seen[c], left[c], off[c]) for c, name in enumerate(frames.cameras)),
+        *(_record("target", name, seen[:, n], left[:, n], off[:, n]) for n, name in enumerate(frames.targets)),
+    )
+
+
+def redundancy_table(model: Model, state: State, covariance: Covariance, square: Floats) -> RedundancyTable:
+    """Of every track of a target in a camera; `square` (F, N) are squared residuals in sigmas."""
+    frames = model.frames
     shape = (len(frames.cameras), len(frames.targets))
-    seen, left, off = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    seen, left, off, own = np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape[0])
     time = common_time_s(frames, model.drift, state.camera, state.deviation)
     for c in range(shape[0]):
         part = frames.of(c)
@@ -38,13 +64,11 @@ def redundancies(model: Model, state: State, covariance: Covariance, square: Flo
         off[c] = (square[part] * frames.seen[part]).sum(axis=0)
         count = part.stop - part.start
         chosen = part.start + np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64))
-        leverage = _leverages(model, state, covariance, chosen, time[chosen], square[chosen])
+        leverage, known = _leverages(model, state, covariance, chosen, time[chosen], square[chosen])
         looked = 2 * frames.seen[chosen].sum(axis=0)
         left[c] = seen[c] * (1 - leverage.sum(axis=(0, 2)) / np.maximum(looked, 1))
-    return (
-        *(_record("camera", name, seen[c], left[c], off[c]) for c, name in enumerate(frames.cameras)),
-        *(_record("target", name, seen[:, n], left[:, n], off[:, n]) for n, name in enumerate(frames.targets)),
-    )
+        own[c] = count * known.mean()
+    return RedundancyTable(seen=seen, left=left, off=off, own=own)
 
 
 def _record(kind: Literal["camera", "target"], subject: str, seen: Floats, left: Floats, off: Floats) -> Redundancy:
@@ -55,8 +79,9 @@ def _record(kind: Literal["camera", "target"], subject: str, seen: Floats, left:
 
 def _leverages(
     model: Model, state: State, covariance: Covariance, chosen: Ints, time_s: Floats, square: Floats
-) -> Floats:
-    """(f, N, 2) of frames `chosen` of one camera; zero where nothing is seen."""
+) -> tuple[Floats, Floats]:
+    """(f, N, 2) of frames `chosen` of one camera, zero where nothing is seen; and what of the frames' own errors is
+    known on average (f,): their prior variance less their posterior one."""
     frames = model.frames
     f, n = frames.seen[chosen].shape
     spread = model.pose.spread[frames.camera[chosen]]
@@ -67,9 +92,14 @@ def _leverages(
     root = np.sqrt(model.loss.weight(square) * frames.seen[chosen])[..., None, None]
     own = (line.by_pose * spread[:, None, None] * root).reshape(f, 2 * n, 6)
     normal = np.swapaxes(own, 1, 2) @ own + model.pose.prior[frames.camera[chosen]][:, :, None] * np.eye(6)
-    taken = own @ np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ np.swapaxes(own, 1, 2)
+    inverse = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
+    taken = own @ inverse @ np.swapaxes(own, 1, 2)
     shared, places = _by_shared(model, state, chosen, time_s, line)
-    rest = (np.eye(2 * n) - taken) @ (shared * root).reshape(f, 2 * n, -1)
+    weighted = (shared * root).reshape(f, 2 * n, -1)
+    rest = (np.eye(2 * n) - taken) @ weighted
+    follows = inverse @ np.swapaxes(own, 1, 2) @ weighted
+    has_prior = model.pose.prior[frames.camera[chosen]] * (spread > 0)
+    known = ((1 - np.diagonal(inverse, axis1=1, axis2=2)) * has_prior).sum(axis=1)
     out = np.diagonal(taken, axis1=1, axis2=2).copy()
     kinds, which = np.unique(places, axis=0, return_inverse=True)
     for k, place in enumerate(kinds):
@@ -77,7 +107,9 @@ def _leverages(
         own_rows = rest[mine][..., free]
         own_c = covariance.pairs(place[free][:, None], place[free][None, :])
         out[mine] += ((own_rows @ own_c) * own_rows).sum(axis=-1)
-    return out.reshape(f, n, 2) * frames.seen[chosen][..., None]
+        moved = follows[mine][..., free]
+        known[mine] -= (((moved @ own_c) * moved).sum(axis=-1) * has_prior[mine]).sum(axis=-1)
+    return out.reshape(f, n, 2) * frames.seen[chosen][..., None], known
 
 
 def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: Linearised) -> tuple[Floats, Ints]:

@@ -27,6 +27,7 @@ from pipeline.solver.bordered import factorise
 from pipeline.solver.covariance import Inverse
 from pipeline.solver.findings import find_degeneracies
 from pipeline.solver.intersection import intersect
+from pipeline.solver.judgement import judged
 from pipeline.solver.layout import Frames, metric, pack, with_poses_of
 from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.model import Model, State
@@ -73,12 +74,13 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     began = time.perf_counter()
     found = method(asked)
     seconds = time.perf_counter() - began
-    solution = solution_of(problem, settings, found(), seconds)
+    outcome = found()
+    solution = solution_of(problem, settings, outcome, seconds)
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
     covariance = solution.shared_covariance
     shared = None if covariance is None else (solution.shared_names, covariance)
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared)
-    return replace(solution, findings=(*solution.findings, *left_open))
+    return judged(problem, outcome, replace(solution, findings=(*solution.findings, *left_open)))
 
 
 def _counted(progress: Progress | None) -> Progress | None:

@@ -1,0 +1,299 @@
+"""Which single change restores the fit: each is applied, the flight adjusted again from where it stands, and compared.
+
+Every change leaves a chi-square T' with an expectation E'. It restores
+
+    gain = (T - T') - (E - E')          E - E' = two for each sighting left out, less the unknowns that go with it
+
+less a price, which is what pure chance would restore among so many changes. The greatest gain after its price is the
+likeliest culprit. Adjusting again is cheap: at most `FRAMES` frames of a camera, the motions as they are, few
+iterations, and only `TRIALS` changes, the most promising first; both are counts, so that the same flight has the same
+answer on any machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import RunningFixError
+from pipeline.records import Problem
+from pipeline.solver.beginning import graduated
+from pipeline.solver.dense import is_dense
+from pipeline.solver.intersection import intersect, intersect_weighted
+from pipeline.solver.judgement.changes import FREED, Change, exchanged, freed, stepped, without
+from pipeline.solver.judgement.misfit import Misfit, Misfits
+from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
+from pipeline.solver.layout import Frames
+from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
+from pipeline.solver.model import Model, State
+from pipeline.solver.moving_poses import renewing
+from pipeline.solver.timing import OFFSET, SCALE
+
+FRAMES = 400
+"""Frames of a camera that take part in the search; twice as many take twice the time."""
+TRIALS, SLOW_TRIALS = 130, 40
+"""Changes that are tried, and where splines or many unknowns make each slow."""
+ITERATIONS = 25
+WORST, PAIRED = 4, 3
+"""Tracks and targets that are suspected, the worst first; and those that are tried as exchanged half way."""
+Clocks = tuple[Floats, Floats]
+"""Offsets (C,) and relative scales (C,) to start from."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explained:
+    """One change and what it restores.
+
+    gain   what it takes off chi-square beyond expectation
+    net    gain less the change's price
+    z      of unit weight with it, as that of `Misfit`
+    fit    the adjustment with it
+    """
+
+    change: Change
+    gain: float
+    net: float
+    z: float
+    fit: Fit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Searched:
+    """What was tried: the changes that restore anything, the best first; `cut`: more could have been tried."""
+
+    found: tuple[Explained, ...]
+    tried: int
+    cut: bool
+
+
+def search_culprits(
+    problem: Problem, model: Model, state: State, misfits: Misfits, sequences: Sequence[PoseSequence] = (),
+    clocks: Sequence[Clocks] = (),
+) -> Searched:  # fmt: skip
+    """Tries the changes on the adjusted flight; `clocks` are further clocks to start from."""
+    fewer, point = thinned(model, state)
+    descent = Descent(max_iterations=ITERATIONS, renew=renewing(problem) if fewer is model else None)
+    base = levenberg_marquardt(fewer, point, descent)
+    lost = 2.0 * float(model.frames.seen.sum() - fewer.frames.seen.sum())
+    expected = max(misfits.whole.redundancy - lost, 1.0)
+    changes = list(suspected(base.model, misfits, sequences))
+    most = TRIALS if is_dense(base.model) else SLOW_TRIALS
+    found = [e for change in changes[:most] if (e := _explained(change, base, expected, descent, clocks)) is not None]
+    best = max(found, key=lambda e: e.net, default=None)
+    for change in _finer(best.change, base.model) if best is not None else ():
+        nearby = _explained(change, base, expected, descent, clocks)
+        if nearby is not None:
+            found.append(nearby)
+    worthy = sorted((e for e in found if e.net > 0), key=lambda e: -e.net)
+    return Searched(found=tuple(worthy), tried=min(len(changes), most), cut=len(changes) > most)
+
+
+def _explained(
+    change: Change, base: Fit, expected: float, descent: Descent, clocks: Sequence[Clocks]
+) -> Explained | None:
+    """A change and what it restores; None where the flight cannot be adjusted with it."""
+    best = _tried(change, base, descent, clocks)
+    if best is None:
+        return None
+    removed = _removed(base.model, best.model)
+    gain = 2 * (base.cost - best.cost) - removed
+    left = expected - removed
+    z = (2 * best.cost - left) / float(np.sqrt(2 * max(left, 1.0)))
+    return Explained(change=change, gain=gain, net=gain - change.price, z=z, fit=best)
+
+
+def thinned(model: Model, state: State) -> tuple[Model, State]:
+    """The same adjustment with at most `FRAMES` frames of each camera, evenly spread."""
+    frames = model.frames
+    rows = [_spread(frames, c) for c in range(len(frames.cameras))]
+    if all(len(own) == frames.of(c).stop - frames.of(c).start for c, own in enumerate(rows)):
+        return model, state
+    chosen = np.concatenate(rows)
+    fewer = _chosen(frames, chosen, np.array([len(own) for own in rows]))
+    drift = replace(model.drift, segment=model.drift.segment[chosen])
+    return model.changed(frames=fewer, drift=drift), replace(state, own=state.own[chosen])
+
+
+def _spread(frames: Frames, c: int) -> Ints:
+    part = frames.of(c)
+    count = part.stop - part.start
+    return part.start + np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64))
+
+
+def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
+    """The frames `rows`, `count` (C,) of each camera."""
+    by_frame = (
+        "camera", "frame", "video_s", "cam_from_enu", "position_m", "pose_shift_s", "pose_taken_s", "ray", "gain",
+        "seen", "sigma_px", "place_gain", "place_share",
+    )  # fmt: skip
+    cut = {name: np.ascontiguousarray(getattr(frames, name)[rows]) for name in by_frame}
+    return replace(
+        frames, **cut, first=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
+        pose_rate=None if frames.pose_rate is None else frames.pose_rate[rows],
+        focal_effect=frames.focal_effect[rows] if len(frames.focal_effect) else frames.focal_effect,
+    )  # fmt: skip
+
+
+def suspected(model: Model, misfits: Misfits, sequences: Sequence[PoseSequence]) -> Iterator[Change]:
+    """The changes, the most promising first."""
+    frames = model.frames
+    cameras, targets = range(len(frames.cameras)), range(len(frames.targets))
+    for what in FREED:
+        for c in cameras:
+            change = freed(model, c, what)
+            if change is not None:
+                yield change
+    ranked = [frames.targets.index(m.target) for m in misfits.targets]
+    yield from _steps(model, sequences, ("position", "attitude", "offset"))
+    for n in ranked[:WORST] if len(targets) > 1 else ():
+        hidden = np.zeros(frames.seen.shape, dtype=bool)
+        hidden[:, n] = True
+        yield without(model, hidden, "without-target", targets=(frames.targets[n],))
+    yield from _exchanges(model, ranked[:WORST])
+    for rank, track in enumerate(misfits.tracks[: 2 * WORST]):
+        yield from _of_track(model, track, thorough=rank < WORST)
+    yield from _exchanges_half_way(model, ranked[:PAIRED])
+    if len(cameras) > 2:
+        for c in cameras:
+            hidden = np.zeros(frames.seen.shape, dtype=bool)
+            hidden[frames.of(c)] = True
+            if all(_seen_by(model, n) > 1 or not frames.seen[frames.of(c), n].any() for n in targets):
+                yield without(model, hidden, "without-camera", camera=frames.cameras[c])
+
+
+def _steps(model: Model, sequences: Sequence[PoseSequence], blocks: Sequence[str]) -> Iterator[Change]:
+    """A camera that changes where its pose errors step most, or in its middle."""
+    if model.drift.count:
+        return
+    for c, name in enumerate(model.frames.cameras):
+        own = model.frames.frame[model.frames.of(c)]
+        found = {s.frame for s in sequences if s.camera == name and s.kind == "step"}
+        for since in sorted(found | {int(own[len(own) // 2])}):
+            if own[0] < since <= own[-1]:
+                for what in blocks:
+                    yield stepped(model, c, since, what)
+
+
+def _of_track(model: Model, track: Misfit, *, thorough: bool) -> Iterator[Change]:
+    """A track left out, whole and in parts: from where its misfit began, or else by quarters."""
+    frames = model.frames
+    c, n = frames.cameras.index(track.camera), frames.targets.index(track.target)
+    hidden = np.zeros(frames.seen.shape, dtype=bool)
+    hidden[frames.of(c), n] = True
+    if _seen_by(model, n) > 2:
+        yield without(model, hidden, "without-track", camera=track.camera, targets=(track.target,))
+    own = frames.frame[frames.of(c)][frames.seen[frames.of(c), n]]
+    places = {track.since_frame} if track.since_frame is not None else set()
+    if thorough and len(own) > 12:
+        places |= {int(own[len(own) * k // 4]) for k in (1, 2, 3)}
+    for since in sorted(places):
+        after = hidden & (frames.frame[:, None] >= since)
+        yield without(model, after, "without-part", since_frame=since, camera=track.camera, targets=(track.target,))
+    if thorough and len(own) > 12:
+        middle = int(own[len(own) // 2])
+        before = hidden & (frames.frame[:, None] < middle)
+        yield without(model, before, "without-part", until_frame=middle, camera=track.camera, targets=(track.target,))
+
+
+def _seen_by(model: Model, n: int) -> int:
+    return len(np.unique(model.frames.camera[model.frames.seen[:, n]]))
+
+
+def _watching(model: Model, a: int, b: int) -> list[int]:
+    """Cameras that see both targets."""
+    frames = model.frames
+    return [
+        c
+        for c in range(len(frames.cameras))
+        if frames.seen[frames.of(c), a].any() and frames.seen[frames.of(c), b].any()
+    ]
+
+
+def _exchanges(model: Model, ranked: Sequence[int]) -> Iterator[Change]:
+    """Targets two by two in every camera that sees both; of two cameras one is enough, the other says the same."""
+    for a, b in combinations(ranked, 2):
+        watching = _watching(model, a, b)
+        for c in watching if len(watching) > 2 else watching[-1:]:
+            yield exchanged(model, c, a, b, None)
+
+
+def _exchanges_half_way(model: Model, ranked: Sequence[int]) -> Iterator[Change]:
+    for a, b in combinations(ranked, 2):
+        for c in _watching(model, a, b):
+            own = model.frames.frame[model.frames.of(c)]
+            for k in range(1, 4):
+                yield exchanged(model, c, a, b, int(own[len(own) * k // 4]))
+
+
+def _finer(change: Change, model: Model) -> Iterator[Change]:
+    """The same change at frames nearby."""
+    if change.since_frame is None or change.kind not in ("exchange", "step", "without-part"):
+        return
+    c = model.frames.cameras.index(change.camera)
+    own = model.frames.frame[model.frames.of(c)]
+    place = int(np.searchsorted(own, change.since_frame))
+    targets = [model.frames.targets.index(t) for t in change.targets]
+    for part in (-8, 8, -16, 16, -32, 32):
+        at = place + len(own) // part
+        if not 0 < at < len(own) or own[at] == change.since_frame:
+            continue
+        if change.kind == "exchange":
+            yield exchanged(model, c, targets[0], targets[1], int(own[at]))
+        elif change.kind == "step":
+            yield stepped(model, c, int(own[at]), change.what)
+        else:
+            after = np.zeros(model.frames.seen.shape, dtype=bool)
+            after[model.frames.of(c), targets[0]] = own >= own[at]
+            yield without(
+                model, after, "without-part", since_frame=int(own[at]), camera=change.camera, targets=change.targets
+            )
+
+
+def _tried(change: Change, base: Fit, descent: Descent, clocks: Sequence[Clocks]) -> Fit | None:
+    """The best adjustment with a change: from the answer as it stands, and from motions found anew."""
+    try:
+        model = change.apply(base.model)
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    fits = []
+    own = descent if change.renewable else replace(descent, renew=None)
+    for start in _starts(model, change.moved(base.state), change, clocks):
+        try:
+            fits.append(graduated(model, start, own))
+        except (RunningFixError, ValueError, np.linalg.LinAlgError):
+            continue
+    fits = [fit for fit in fits if np.isfinite(fit.cost)]
+    return min(fits, key=lambda fit: fit.cost, default=None)
+
+
+def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]) -> list[State]:
+    out = [state] if change.kind in ("free", "step", "without-target", "without-camera") else []
+    if change.kind == "step":
+        return out
+    plain = np.where(model.priors.camera_free, model.priors.camera_mean, state.camera)
+    here = state.camera[:, OFFSET], state.camera[:, SCALE]
+    spline = any(t.kind == "spline" for t in model.basis.targets)
+    for offset, scale in (here, *clocks):
+        camera = plain.copy()
+        camera[:, OFFSET], camera[:, SCALE] = offset, scale
+        fresh = replace(state, camera=camera, own=np.zeros_like(state.own))
+        try:
+            out.append((intersect_weighted if spline else intersect)(model, fresh))
+        except (RunningFixError, np.linalg.LinAlgError):
+            continue
+    return out or [state]
+
+
+def _removed(base: Model, changed: Model) -> float:
+    """What the expectation of chi-square falls by: two for each sighting less, but for unknowns that nothing touches."""
+    less = 2.0 * float(base.frames.seen.sum() - changed.frames.seen.sum())
+    gone = [
+        3.0 * t.count
+        for n, t in enumerate(changed.basis.targets)
+        if t.kind == "polynomial" and base.frames.seen[:, n].any() and not changed.frames.seen[:, n].any()
+    ]
+    return less - sum(gone)

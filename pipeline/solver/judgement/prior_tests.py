@@ -1,0 +1,109 @@
+"""Is a prior contradicted? What the adjustment takes from a prior has a known variance.
+
+With prior covariance P0 of a block, posterior P (the inverse normal matrix) and S (the sandwich, which counts what
+errors have in common), the correction d = estimate - prior mean has, if all is as claimed, the covariance
+
+    D = P0 - P + (S - P)          d' D^-1 d  is chi-square, one degree of freedom for each direction
+
+The same figure is what chi-square would fall by if the block had no prior. Directions of which the sightings say
+nothing (D much smaller than P0) are floored: there d is zero but for rounding and curvature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.covariance import Covariance
+from pipeline.solver.model import Model, State
+from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, PLACE_PARAMETERS, POS, ROT, SCALE, START
+
+FLOOR = 0.02
+"""Least share of a prior's variance that a correction is granted; doubling it halves what a hardly seen direction tells."""
+BLOCKS: dict[str, list[int]] = {
+    "attitude": [*range(ROT.start, ROT.stop)],
+    "position": [*range(POS.start, POS.stop)],
+    "focal": [FOCAL],
+    "offset": [OFFSET],
+    "frame-rate": [SCALE],
+    "start": [START],
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PriorTest:
+    """One block of one camera's parameters against its prior.
+
+    what        "attitude", "position", "focal", "offset", "frame-rate", "start" or "place"
+    correction  (k,) estimate less prior mean, in the adjustment's units; sigma (k,) of the prior
+    statistic   chi-square with `freedom` degrees of freedom
+    log10_p     chance of one at least as large, as a power of ten
+    """
+
+    camera: str
+    what: str
+    correction: Floats
+    sigma: Floats
+    statistic: float
+    freedom: int
+    log10_p: float
+
+    @property
+    def in_sigmas(self) -> float:
+        """Length of the correction in prior sigmas."""
+        return float(np.linalg.norm(self.correction / self.sigma))
+
+
+def prior_tests(model: Model, state: State, plain: Covariance, robust: Covariance | None) -> tuple[PriorTest, ...]:
+    """Every block of every camera that is free and has a prior, the most unlikely first."""
+    priors, found = model.priors, []
+    known = model.priors.camera_free & (priors.camera_precision > 0)
+    for c, camera in enumerate(model.frames.cameras):
+        for what, columns in _blocks(state.camera.shape[1]):
+            own = np.array([k for k in columns if known[c, k]], dtype=np.int64)
+            if len(own):
+                found.append(_tested(camera, what, model, state, plain, robust, c, own))
+    return tuple(sorted(found, key=lambda t: t.log10_p))
+
+
+def _blocks(width: int) -> Sequence[tuple[str, list[int]]]:
+    places = range(CAMERA_PARAMETERS, width, PLACE_PARAMETERS)
+    return [*BLOCKS.items(), *(("place", [*range(k, k + PLACE_PARAMETERS)]) for k in places)]
+
+
+def _tested(
+    camera: str, what: str, model: Model, state: State, plain: Covariance, robust: Covariance | None, c: int, own: Ints
+) -> PriorTest:
+    place = model.order.camera[c, own]
+    sigma = model.priors.camera_precision[c, own] ** -0.5
+    correction = state.camera[c, own] - model.priors.camera_mean[c, own]
+    left = plain.pairs(place[:, None], place[None, :]) / np.outer(sigma, sigma)
+    variance = np.eye(len(own)) - left
+    if robust is not None:
+        more = robust.pairs(place[:, None], place[None, :]) / np.outer(sigma, sigma) - left
+        value, vector = np.linalg.eigh(0.5 * (more + more.T))
+        variance += (vector * np.maximum(value, 0)) @ vector.T
+    statistic = whitened_square(correction / sigma, variance)
+    return PriorTest(
+        camera=camera, what=what, correction=correction, sigma=sigma, statistic=statistic, freedom=len(own),
+        log10_p=log10_chance(statistic, len(own)),
+    )  # fmt: skip
+
+
+def whitened_square(value: Floats, variance: Floats, floor: float = FLOOR) -> float:
+    """value' variance^-1 value with the variance's eigenvalues floored."""
+    size, vector = np.linalg.eigh(0.5 * (variance + variance.T))
+    return float(((vector.T @ value) ** 2 / np.maximum(size, floor)).sum())
+
+
+def log10_chance(statistic: float, freedom: int) -> float:
+    """Power of ten of the chance that chi-square goes as far; its asymptote where that is too small for a number."""
+    chance = float(chdtrc(freedom, statistic)) if np.isfinite(statistic) else 0.0
+    if chance > 1e-290:
+        return float(np.log10(chance))
+    half = 0.5 * min(statistic, 1e12)
+    return float(-(half - (0.5 * freedom - 1) * np.log(max(half, 1.0))) / np.log(10))

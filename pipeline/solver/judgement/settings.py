@@ -1,0 +1,40 @@
+"""What the judgement calls unlikely. Every constant here moves the line between "good", "care" and "bad".
+
+The thresholds come from `scripts/validation/verdict/`: flights without a mistake, drawn by a simulator of its own, get
+"care" or worse in at most 3 of 100 and "bad" in at most 1 of 200; flights with a mistake that moves the answer by more
+than two of its own sigmas are "good" in at most 2 of 100.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgementSettings:
+    """Thresholds, as chances that a flight whose claims are true goes as far, all tests of a kind together.
+
+    prior_care, prior_bad  chance (log10) of a block's correction; ten times smaller: a tenth of the false alarms
+    prior_excess     least correction in prior sigmas (root of the mean square) that is spoken of
+    fit_care, fit_bad      unit-weight and misfit z (a normal deviate); one more: a fifth to a tenth of the false alarms
+    factor_care, factor_bad  variance factor below which a misfit is not spoken of, however sure: sigmas are guesses
+    sequence_care, sequence_bad  chance (log10) of a camera's pose errors as a sequence
+    alike            correlation of neighbouring pose errors below which nothing is said
+    explored         largest |z| of unit weight that needs no search for a culprit
+    depth_share      sigma over depth from which on a symmetric sigma does not hold
+    """
+
+    prior_care: float = -4.0
+    prior_bad: float = -9.0
+    prior_excess: float = 2.0
+    fit_care: float = 4.5
+    fit_bad: float = 8.0
+    factor_care: float = 1.15
+    factor_bad: float = 3.0
+    sequence_care: float = -4.0
+    sequence_bad: float = -12.0
+    alike: float = 0.1
+    depth_share: float = 0.05
+
+
+SETTINGS = JudgementSettings()

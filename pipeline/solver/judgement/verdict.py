@@ -1,0 +1,297 @@
+"""From the tests to a verdict: what speaks against the answer, the likeliest culprit first.
+
+prior tests     what the adjustment took from each prior
+misfit          residuals against their own redundancy: of all, of cameras, targets, tracks
+pose sequences  steps, drift, likeness of frames' own errors
+culprits        only where one of these is doubtful: the change that would restore the fit
+the rest        convergence, ambiguous offsets, outliers, depths whose sigma is not symmetric
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats
+from pipeline.records import DepthRange, Grade, Problem, Reason, Solution, Verdict, worst
+from pipeline.solver.judgement.changes import FREED
+from pipeline.solver.judgement.culprits import Clocks, Explained, Searched, search_culprits
+from pipeline.solver.judgement.depth import depth_ranges
+from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
+from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
+from pipeline.solver.judgement.prior_tests import PriorTest, prior_tests
+from pipeline.solver.judgement.settings import SETTINGS, JudgementSettings
+from pipeline.solver.judgement.words import Told, change_words, correction_words, misfit_words, number, sequence_words
+from pipeline.solver.model import residuals_of
+from pipeline.solver.results import Outcome
+
+RESTORED = 4.0
+"""z of unit weight below which a change counts as restoring the fit."""
+NAMED = 3
+"""Suspects that are named."""
+EQUAL = 0.8
+"""Share of the best suspect's gain from which on another explains as much."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tests:
+    """What was tested, each the most unlikely first."""
+
+    priors: tuple[PriorTest, ...]
+    misfits: Misfits
+    sequences: tuple[Sequence, ...]
+
+
+def judged(problem: Problem, found: Outcome, solution: Solution, settings: JudgementSettings = SETTINGS) -> Solution:
+    """The solution with its verdict, the chi-square it was to be expected to have, and the depths that are unsure."""
+    reasons = [*_convergence(solution), *_offsets(solution), *_left_out(solution)]
+    expected, depths = solution.expected_chi_square, solution.depths
+    if solution.method == "map" and found.plain is not None:
+        tests = tested(found)
+        expected = tests.misfits.whole.redundancy
+        depths = depth_ranges(found.model, found.state, solution, settings.depth_share)
+        doubts = [
+            *_of_priors(problem, tests.priors, settings),
+            *_of_sequences(tests.sequences, settings),
+            *_of_misfits(tests.misfits, settings),
+        ]
+        if doubts:
+            doubts = _with_suspects(problem, found, tests, doubts)
+        reasons = [*doubts, *reasons, *_outliers(solution), *_depths(depths)]
+    verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
+    return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths)
+
+
+def tested(found: Outcome) -> Tests:
+    """All tests that need no further adjustment."""
+    assert found.plain is not None
+    model, state = found.model, found.state
+    residual = residuals_of(model.frames, slice(None), model, state)
+    square = (residual**2).sum(axis=-1) * model.frames.seen
+    return Tests(
+        priors=prior_tests(model, state, found.plain, found.robust),
+        misfits=misfits(model, state, found.plain, square),
+        sequences=pose_sequences(model, state),
+    )
+
+
+def _graded(value: float, care: float, bad: float) -> Grade:
+    """The grade of a figure that is the worse the lower it is."""
+    return "bad" if value < bad else "care" if value < care else "good"
+
+
+def _of_priors(problem: Problem, tests: Iterable[PriorTest], settings: JudgementSettings) -> list[Reason]:
+    tests, rates = tuple(tests), {c.camera: c.frame_rate for c in problem.cameras}
+    many = float(np.log10(max(len(tests), 1)))
+    out = []
+    for t in tests:
+        grade = _graded(t.log10_p + many, settings.prior_care, settings.prior_bad)
+        if grade == "good":
+            continue
+        told = correction_words(t.camera, t.what, t.correction, t.sigma, rates[t.camera])
+        out.append(
+            Reason(
+                kind=f"prior-{t.what}", subject=t.camera, words=told.words, advice=told.advice, grade=grade,
+                figure=t.statistic, measure=f"chi-square with {t.freedom} degrees of freedom",
+            )
+        )  # fmt: skip
+    return out
+
+
+def _of_sequences(sequences: Iterable[Sequence], settings: JudgementSettings) -> list[Reason]:
+    sequences = tuple(sequences)
+    many = float(np.log10(max(len(sequences), 1)))
+    out = []
+    for one in sequences:
+        grade = _graded(one.log10_p + many, settings.sequence_care, settings.sequence_bad)
+        if grade == "good" or (one.kind == "alike" and one.correlation < settings.alike):
+            continue
+        told = sequence_words(one)
+        freedom = 1 if one.kind == "alike" else 6
+        out.append(
+            Reason(
+                kind={"step": "pose-step", "drift": "pose-drift", "alike": "pose-errors-alike"}[one.kind],
+                subject=one.camera, words=told.words, advice=told.advice, grade=grade, figure=one.statistic,
+                measure=f"chi-square with {freedom} degrees of freedom",
+            )
+        )  # fmt: skip
+    return out
+
+
+def _of_misfits(found: Misfits, settings: JudgementSettings) -> list[Reason]:
+    """Of everything; and of the parts that stand out beyond what everything does."""
+    out = []
+    groups: tuple[tuple[str, tuple[Misfit, ...]], ...] = (
+        ("unit-weight", (found.whole,)),
+        ("misfit-track", found.tracks),
+        ("misfit-target", found.targets),
+        ("misfit-camera", found.cameras),
+    )
+    for kind, members in groups:
+        spread = max(1.0, found.whole.factor if kind != "unit-weight" else 1.0)
+        allowed = float(np.sqrt(2 * np.log(max(len(members), 1))))
+        for m in members[:2]:
+            z = m.z - allowed
+            if z < settings.fit_care or m.factor < settings.factor_care * spread:
+                continue
+            bad = z > settings.fit_bad and m.factor > settings.factor_bad * spread
+            told = misfit_words(m)
+            subject = {"track": f"{m.camera}: {m.target}", "camera": m.camera, "target": m.target}.get(m.scope, "")
+            out.append(
+                Reason(
+                    kind=kind, subject=subject, words=told.words, advice=told.advice, grade="bad" if bad else "care",
+                    figure=m.z, measure="normal deviate of the sum of squares from its redundancy",
+                )
+            )  # fmt: skip
+    return out
+
+
+# --- culprits ------------------------------------------------------------------------------------------------------
+
+
+def _with_suspects(problem: Problem, found: Outcome, tests: Tests, doubts: list[Reason]) -> list[Reason]:
+    """The doubts behind the likeliest culprits; what a culprit already says is not said twice."""
+    searched = search_culprits(problem, found.model, found.state, tests.misfits, tests.sequences, _other_clocks(found))
+    grade = worst(tuple(r.grade for r in doubts))
+    by_sequence = [(r.figure, r) for r in doubts if r.kind.startswith("pose-")]
+    named: list[tuple[float, Reason]] = [(e.net, _suspect(problem, e, tests, grade)) for e in _distinct(searched)]
+    ranked = sorted([*named, *by_sequence], key=lambda pair: -pair[0])
+    first = [reason for _, reason in ranked[:NAMED]]
+    said = {(r.kind.removeprefix("suspect-"), r.subject) for r in first}
+    rest = [r for r in doubts if r not in first and (r.kind.removeprefix("prior-"), r.subject) not in said]
+    if searched.cut:
+        rest.append(
+            Reason(
+                kind="search-cut", subject="", grade="good",
+                words=f"{searched.tried} changes were tried for a culprit, and there are more",
+                advice="leave out cameras or targets yourself to narrow it down",
+            )
+        )  # fmt: skip
+    return [*first, *rest]
+
+
+def _other_clocks(found: Outcome) -> list[Clocks]:
+    """Clocks of the next best candidates of the offset search."""
+    frames, out = found.model.frames, []
+    for candidate in found.candidates[1:3]:
+        offset = np.array([candidate.offset_s.get(name, 0.0) for name in frames.cameras])
+        rate = [candidate.frame_rate.get(n, r) for n, r in zip(frames.cameras, frames.nominal_rate, strict=True)]
+        out.append((offset, frames.nominal_rate / np.array(rate) - 1))
+    return out
+
+
+def _distinct(searched: Searched) -> list[Explained]:
+    """The best changes, of those that accuse the same the best only."""
+    out: list[Explained] = []
+    for one in searched.found:
+        if len(out) == NAMED:
+            break
+        if all(one.change.names != other.change.names for other in out):
+            out.append(one)
+    return out
+
+
+def _suspect(problem: Problem, one: Explained, tests: Tests, grade: Grade) -> Reason:
+    change, camera = one.change, next((c for c in problem.cameras if c.camera == one.change.camera), None)
+    if change.kind == "step":
+        told = _step_told(one)
+        kind, subject = f"suspect-{change.what}-step", change.camera
+    elif change.kind == "free" and camera is not None:
+        frames, state = one.fit.model.frames, one.fit.state
+        c = frames.cameras.index(camera.camera)
+        columns = FREED[change.what][0]
+        told = correction_words(
+            camera.camera, change.what, state.camera[c, columns] - one.fit.model.priors.camera_mean[c, columns],
+            _prior_sigma(tests, camera.camera, change.what, len(columns)), camera.frame_rate,
+        )  # fmt: skip
+        kind, subject = f"suspect-{change.what}", camera.camera
+    else:
+        told = change_words(change)
+        kind, subject = f"suspect-{change.kind}", ": ".join(filter(None, (change.camera, " and ".join(change.targets))))
+    ends = "the rest then fits" if one.z < RESTORED else "more is wrong than that"
+    return Reason(
+        kind=kind, subject=subject, grade=grade, advice=told.advice, figure=one.gain,
+        words=f"{told.words}. That would take {number(one.gain)} off chi-square, and {ends}",
+        measure="fall of chi-square beyond its expectation",
+    )  # fmt: skip
+
+
+def _step_told(one: Explained) -> Told:
+    """The words of a step with its size: the part after less the part before."""
+    told, what, state = change_words(one.change), one.change.what, one.fit.state
+    c = one.fit.model.frames.cameras.index(one.change.camera)
+    columns = FREED[what][0]
+    size = float(np.linalg.norm(state.camera[c + 1, columns] - state.camera[c, columns]))
+    said = {"attitude": f"{number(np.degrees(size))} degrees", "position": f"{number(size)} m"}
+    return replace(told, words=f"{told.words}, by {said.get(what, f'{number(size)} s')}")
+
+
+def _prior_sigma(tests: Tests, camera: str, what: str, size: int) -> Floats:
+    known = next((t.sigma for t in tests.priors if t.camera == camera and t.what == what), None)
+    return np.zeros(size) if known is None else known
+
+
+# --- the rest ------------------------------------------------------------------------------------------------------
+
+
+def _convergence(solution: Solution) -> list[Reason]:
+    if solution.status == "converged":
+        return []
+    return [
+        Reason(
+            kind="not-converged", subject="", words=f"the adjustment did not converge: {solution.message}", grade="bad",
+            advice="look at the other reasons first; else give better first values or more iterations",
+            figure=float(solution.iterations), measure="iterations",
+        )
+    ]  # fmt: skip
+
+
+def _offsets(solution: Solution) -> list[Reason]:
+    return [
+        Reason(
+            kind=f.kind, subject=f.subject, words=f.words, grade="care",
+            advice="give offset_s with sigma.offset_s, or track a target that turns or stops",
+        )
+        for f in solution.findings
+        if f.kind == "ambiguous-offset"
+    ]  # fmt: skip
+
+
+def _left_out(solution: Solution) -> list[Reason]:
+    return [
+        Reason(kind=f.kind, subject=f.subject, words=f.words, grade="care", advice="look at those sightings")
+        for f in solution.findings
+        if f.kind == "left-out"
+    ]
+
+
+def _outliers(solution: Solution) -> list[Reason]:
+    """Said where more than a fifth of the sightings has low weight."""
+    weight = solution.sightings.weight
+    share = float((weight < 0.5).mean()) if len(weight) else 0.0
+    if share < 0.2:
+        return []
+    return [
+        Reason(
+            kind="outliers", subject="", words=f"{100 * share:.0f} % of the sightings have less than half weight",
+            advice='look at the tracks; with that many outliers use robust = "cauchy"', grade="care", figure=share,
+            measure="share of the sightings",
+        )
+    ]  # fmt: skip
+
+
+def _depths(depths: Iterable[DepthRange]) -> list[Reason]:
+    """Said, and no fault: the interval is what holds."""
+    return [
+        Reason(
+            kind="depth", subject=d.target, grade="good",
+            words=f"{d.target} is {number(d.depth_m)} m from {d.camera}, in 95 of 100 flights between "
+            f"{number(d.within_95_m[0])} and {number(d.within_95_m[1])} m: its sigma of {number(d.sigma_m)} m is not "
+            "symmetric",
+            advice="use the interval; a longer base line between the cameras makes it shorter",
+            figure=d.sigma_m / d.depth_m, measure="sigma over depth",
+        )
+        for d in depths
+    ]  # fmt: skip
