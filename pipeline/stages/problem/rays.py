@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.camera import CameraModel, pixel_from_ray, unproject
-from calibration.camera_files import read_camera
+from calibration.camera_files.reading import read_camera
 from calibration.foundation.errors import InputFileError
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack, SightRays
