@@ -23,7 +23,7 @@ from pipeline.records import (
     SolverSettings,
     TargetInput,
 )
-from pipeline.solver.search import is_ambiguous, search_offsets
+from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
 from pipeline.stages.inputs.sources import open_sources
 from pipeline.stages.inputs.tracks import detections
 from pipeline.stages.poses.measure import measure_poses
