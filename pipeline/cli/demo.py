@@ -12,7 +12,7 @@ from pipeline.demo import DemoSummary, run_demo
 
 
 def run(arguments: Namespace, console: Console) -> int:
-    """Renders, calibrates, runs and compares; 0, or 7 where the solver did not converge."""
+    """Renders, calibrates, runs and compares; 0, or 7 where the verdict is bad."""
     console.say(f"rendering a flight into {arguments.output}, then processing it as a user would")
     found = run_demo(arguments.output, seed=arguments.seed, progress=console.progress)
     out = arguments.output / "out"
@@ -31,7 +31,7 @@ def run(arguments: Namespace, console: Console) -> int:
         ],
     }
     console.result(summary, table(found))
-    return 0 if found.results.solution.status == "converged" else DID_NOT_CONVERGE
+    return DID_NOT_CONVERGE if found.results.solution.verdict.grade == "bad" else 0
 
 
 def _finite(value: float) -> float | None:

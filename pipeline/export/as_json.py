@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from calibration.foundation.arrays import Floats
-from pipeline.export.cells import utc_texts
+from pipeline.export.text.cells import utc_texts
 from pipeline.records import Bias, Clock, DepthRange, Motion, Redundancy, Results, Solution, Verdict
 
 FORMAT = 1
@@ -104,7 +104,7 @@ def _document(results: Results) -> dict[str, Any]:
         "frame": _frame(results),
         "clocks": [_clock(c) for c in s.clocks],
         "biases": [_bias(b) for b in s.biases],
-        "motions": [_motion(m, s) for m in s.motions],
+        "motions": [_motion(m, s, results.typical_sigma_m.get(m.target)) for m in s.motions],
         "depths": [_depth(d) for d in s.depths],
         "shared": _shared(s),
         "redundancies": [_redundancy(r) for r in s.redundancies],
@@ -217,7 +217,7 @@ def _bias(bias: Bias) -> dict[str, Any]:
     }
 
 
-def _motion(motion: Motion, solution: Solution) -> dict[str, Any]:
+def _motion(motion: Motion, solution: Solution, typical_sigma_m: float | None) -> dict[str, Any]:
     robust = next((m for m in solution.motions_robust if m.target == motion.target), None)
     told: dict[str, Any] = {
         "target": motion.target,
@@ -225,6 +225,7 @@ def _motion(motion: Motion, solution: Solution) -> dict[str, Any]:
         "degree": motion.degree,
         "start_s": motion.start_s,
         "end_s": motion.end_s,
+        "typical_sigma_m": None if typical_sigma_m is None else short(np.array(typical_sigma_m), 6),
         "knots_s": motion.knots_s,
         "coefficients_enu_m": motion.coefficients,
         "covariance_band": _band(motion),
@@ -265,12 +266,16 @@ def _power_covariance(motion: Motion, epoch_s: float, degree: int) -> Floats:
 def _shared(solution: Solution) -> dict[str, Any]:
     told: dict[str, Any] = {"names": solution.shared_names, "covariance": None, "correlation": None}
     if solution.shared_covariance is not None:
-        told["sigma"] = short(np.sqrt(np.diag(solution.shared_covariance)))
+        told["sigma"] = short(np.sqrt(_larger_variances(solution.shared_covariance, solution.shared_covariance_robust)))
         told["covariance"] = short(solution.shared_covariance)
         told["correlation"] = np.round(correlation(solution.shared_covariance), 6) + 0.0
     if solution.shared_covariance_robust is not None:
         told["covariance_robust"] = short(solution.shared_covariance_robust)
     return told
+
+
+def _larger_variances(plain: Floats, robust: Floats | None) -> Floats:
+    return np.asarray(np.diag(plain) if robust is None else np.maximum(np.diag(plain), np.diag(robust)))
 
 
 def _laid_out(value: Any, indent: str) -> str:

@@ -44,6 +44,7 @@ class Results:
     settings        in force, as plain values
     versions        package -> version
     warnings        one sentence each
+    typical_sigma_m median over the well known part of each trajectory of its 3D position's sigma, by target
     truth, comparison  where the truth is known
     """
 
@@ -59,5 +60,6 @@ class Results:
     settings: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    typical_sigma_m: Mapping[str, float] = field(default_factory=dict)
     truth: Truth | None = None
     comparison: tuple[Comparison, ...] = ()

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.records import Clock, Finding, Results, Solution
+from pipeline.records import Clock, Finding, Reason, Results, Solution
 from pipeline.report import cast
 from pipeline.report.markup import Html, joined, tag
 from pipeline.report.words import SIGMA, counted, listed, plus_minus, rounded, whole
@@ -56,12 +56,15 @@ def verdict(results: Results) -> tuple[Grade, str]:
 
 def _doubt(results: Results) -> tuple[Grade, str]:
     """Grade and first words of a converged answer: it is not good where something contradicts its sigmas."""
+    judged = results.solution.verdict.grade
+    if judged == "bad":
+        return "bad", "Do not use this: it contradicts itself, see the reasons"
     if not any(math.isfinite(s) for s in typical_sigma_m(results).values()):
         return "care", "Converged"
     if any(abs(r.after) > 3 * r.sigma > 0 for r in results.comparison):
         return "care", "Converged, but further from the truth than claimed"
-    if reduced_chi_square(results.solution) > MOST_FIT:
-        return "care", "Converged, but the residuals are larger than their sigmas promise"
+    if judged == "care":
+        return "care", "Converged, but something speaks against it, see the reasons"
     if any(r.grade == "care" for r in _about_offsets(results.solution)):
         return "care", "Converged, but other time offsets fit nearly as well"
     return "good", "Converged"
@@ -96,13 +99,21 @@ def _start(clock: Clock, reference: str, first: bool) -> str:
 
 
 def remarks(results: Results) -> list[Remark]:
-    """Everything a reader must know before believing the figures, the most serious first."""
+    """Everything a reader must know before believing the figures: the verdict's reasons, then the most serious first."""
+    reasons = [Remark(grade=r.grade, subject=r.subject, words=_reason(r)) for r in results.solution.verdict.reasons]
     found = [*_about_status(results.solution), *_about_fit(results.solution), *_about_offsets(results.solution)]
     found += [*_about_truth(results), *_about_outliers(results), *_about_gaps(results)]
     found += [Remark(grade="care", subject="", words=w) for w in results.warnings]
-    found += [_from_finding(f) for f in results.solution.findings]
+    said = {r.words for r in results.solution.verdict.reasons}
+    found += [_from_finding(f) for f in results.solution.findings if f.words not in said]
     order = {"bad": 0, "care": 1, "good": 2}
-    return sorted(found, key=lambda r: order[r.grade])
+    return [*reasons, *sorted(found, key=lambda r: order[r.grade])]
+
+
+def _reason(reason: Reason) -> str:
+    """A reason of the verdict with its advice."""
+    advice = f" {reason.advice[:1].upper()}{reason.advice[1:]}." if reason.advice else ""
+    return f"{reason.words}.{advice}"
 
 
 def _about_status(solution: Solution) -> list[Remark]:
@@ -112,13 +123,17 @@ def _about_status(solution: Solution) -> list[Remark]:
 
 
 def reduced_chi_square(solution: Solution) -> float:
-    """Chi-square per degree of freedom; NaN where nothing is left over."""
+    """Chi-square per degree of freedom, of the true redundancy where it is known; NaN where nothing is left over."""
+    expected = solution.expected_chi_square
+    if expected > 0:
+        return solution.chi_square / expected
     return solution.chi_square / solution.degrees_of_freedom if solution.degrees_of_freedom > 0 else math.nan
 
 
 def _about_fit(solution: Solution) -> list[Remark]:
     ratio = reduced_chi_square(solution)
-    if not math.isfinite(ratio):
+    doubted = any(r.kind == "unit-weight" for r in solution.verdict.reasons)
+    if not math.isfinite(ratio) or doubted:
         return []
     tail = f"chi-square {rounded(solution.chi_square, 4)} with {whole(solution.degrees_of_freedom)} degrees of freedom"
     if LEAST_FIT <= ratio <= MOST_FIT:
@@ -139,6 +154,8 @@ def _about_offsets(solution: Solution) -> list[Remark]:
     words = f"The next best set of time offsets raises chi-square by {rounded(worse)}"
     if worse < 25:
         return [Remark(grade="care", subject="offsets", words=f"{words}: the offsets are not certain.")]
+    if solution.verdict.grade == "bad":
+        return []
     return [Remark(grade="good", subject="offsets", words=f"{words}: the offsets are not in doubt.")]
 
 

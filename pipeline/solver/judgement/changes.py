@@ -7,16 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar, TypeVar
 
 import numpy as np
+import numpy.typing as npt
+import numpy.typing as npt
 
-from calibration.foundation.arrays import Bools, Floats
-from pipeline.solver.layout import Frames
-from pipeline.solver.elimination import PoseError
-from pipeline.solver.model import Model, State
-from pipeline.solver.timing import FOCAL, OFFSET, POS, ROT, SCALE, START
+from calibration.foundation.arrays import Bools
+from pipeline.solver.adjustment.elimination import PoseError
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START
+from pipeline.solver.observation.observations import Frames
 
+Scalar = TypeVar("Scalar", bound=np.generic)
+Scalar = TypeVar("Scalar", bound=np.generic)
 FREED: dict[str, tuple[list[int], float]] = {
     "attitude": ([*range(ROT.start, ROT.stop)], 1.0),
     "position": ([*range(POS.start, POS.stop)], 300.0),
@@ -71,9 +75,7 @@ def freed(model: Model, c: int, what: str) -> Change | None:
         precision[c, columns], free[c, columns] = sigma**-2, True
         return model.changed(priors=replace(model.priors, camera_precision=precision, camera_free=free))
 
-    return Change(
-        kind="free", camera=model.frames.cameras[c], what=what, price=8.0 + 4.0 * len(columns), apply=apply
-    )
+    return Change(kind="free", camera=model.frames.cameras[c], what=what, price=8.0 + 4.0 * len(columns), apply=apply)
 
 
 def without(model: Model, hidden: Bools, kind: Kind, **named: object) -> Change:
@@ -111,7 +113,7 @@ def exchanged(model: Model, c: int, a: int, b: int, since: int | None) -> Change
 
 
 def _exchanging(frames: Frames, rows: Bools, a: int, b: int) -> Frames:
-    def turned(values: Floats) -> Floats:
+    def turned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
         if len(values) == 0:
             return values
         out = values.copy()
@@ -120,7 +122,8 @@ def _exchanging(frames: Frames, rows: Bools, a: int, b: int) -> Frames:
 
     return replace(
         frames, ray=turned(frames.ray), gain=turned(frames.gain), seen=turned(frames.seen),
-        sigma_px=turned(frames.sigma_px), focal_effect=turned(frames.focal_effect), place_gain=turned(frames.place_gain),
+        sigma_px=turned(frames.sigma_px), focal_effect=turned(frames.focal_effect),
+        place_gain=turned(frames.place_gain),
     )  # fmt: skip
 
 
@@ -132,8 +135,8 @@ def stepped(model: Model, c: int, since: int, what: str) -> Change:
     frames = model.frames
     cut = int(np.searchsorted(frames.frame[frames.of(c)], since)) + int(frames.first[c])
 
-    def twice(values: Floats) -> Floats:
-        return np.insert(values, c + 1, values[c], axis=0)
+    def twice(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
+        return np.concatenate([values[: c + 1], values[c:]])
 
     def apply(model: Model) -> Model:
         priors, drift = model.priors, model.drift

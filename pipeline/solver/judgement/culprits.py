@@ -15,23 +15,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
+from typing import Any
 
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import RunningFixError
 from pipeline.records import Problem
-from pipeline.solver.beginning import graduated
-from pipeline.solver.dense import is_dense
-from pipeline.solver.intersection import intersect, intersect_weighted
+from pipeline.solver.adjustment.compiled_descent import is_dense
+from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
+from pipeline.solver.adjustment.log_poses import renewing
+from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.judgement.changes import FREED, Change, exchanged, freed, stepped, without
 from pipeline.solver.judgement.misfit import Misfit, Misfits
 from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
-from pipeline.solver.layout import Frames
-from pipeline.solver.levenberg import Descent, Fit, levenberg_marquardt
-from pipeline.solver.model import Model, State
-from pipeline.solver.moving_poses import renewing
-from pipeline.solver.timing import OFFSET, SCALE
+from pipeline.solver.methods.initialisation import graduated
+from pipeline.solver.methods.intersection import intersect, intersect_weighted
+from pipeline.solver.observation.clocks import OFFSET, SCALE
+from pipeline.solver.observation.observations import Frames
 
 FRAMES = 400
 """Frames of a camera that take part in the search; twice as many take twice the time."""
@@ -121,7 +123,7 @@ def thinned(model: Model, state: State) -> tuple[Model, State]:
 def _spread(frames: Frames, c: int) -> Ints:
     part = frames.of(c)
     count = part.stop - part.start
-    return part.start + np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64))
+    return np.asarray(part.start + np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64)))
 
 
 def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
@@ -130,7 +132,7 @@ def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
         "camera", "frame", "video_s", "cam_from_enu", "position_m", "pose_shift_s", "pose_taken_s", "ray", "gain",
         "seen", "sigma_px", "place_gain", "place_share",
     )  # fmt: skip
-    cut = {name: np.ascontiguousarray(getattr(frames, name)[rows]) for name in by_frame}
+    cut: dict[str, Any] = {name: np.ascontiguousarray(getattr(frames, name)[rows]) for name in by_frame}
     return replace(
         frames, **cut, first=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
         pose_rate=None if frames.pose_rate is None else frames.pose_rate[rows],
@@ -289,7 +291,7 @@ def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]
 
 
 def _removed(base: Model, changed: Model) -> float:
-    """What the expectation of chi-square falls by: two for each sighting less, but for unknowns that nothing touches."""
+    """What the expectation of chi-square falls by: two for each sighting less, less idle unknowns."""
     less = 2.0 * float(base.frames.seen.sum() - changed.frames.seen.sum())
     gone = [
         3.0 * t.count

@@ -14,8 +14,8 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import DepthRange, Motion, Solution
-from pipeline.solver.model import Model, State
-from pipeline.solver.timing import common_time_s
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.observation.clocks import common_time_s
 
 WITHIN_68, WITHIN_95 = 0.99446, 1.95996
 """Normal deviates of 68 and 95 %."""

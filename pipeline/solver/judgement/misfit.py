@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.solver.covariance import Covariance
-from pipeline.solver.model import Model, State
-from pipeline.solver.redundancy import redundancy_table
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.uncertainty.covariance import Covariance
+from pipeline.solver.uncertainty.redundancy import redundancy_table
 
 Scope = Literal["all", "camera", "target", "track"]
 
@@ -67,8 +67,8 @@ def misfits(model: Model, state: State, covariance: Covariance, square: Floats) 
     left = np.maximum(table.left, 0)
     tracks = [
         Misfit(
-            scope="track", camera=names[0][c], target=names[1][n], square=float(off[c, n]), redundancy=float(left[c, n]),
-            since_frame=_since(model, counted, c, n, float(left[c, n])),
+            scope="track", camera=names[0][c], target=names[1][n], square=float(off[c, n]),
+            redundancy=float(left[c, n]), since_frame=_since(model, counted, c, n, float(left[c, n])),
         )
         for c, n in zip(*np.nonzero(table.seen > 0), strict=True)
     ]  # fmt: skip
@@ -80,7 +80,8 @@ def misfits(model: Model, state: State, covariance: Covariance, square: Floats) 
         ]),
         targets=_ranked([
             Misfit(
-                scope="target", camera="", target=name, square=float(off[:, n].sum()), redundancy=float(left[:, n].sum())
+                scope="target", camera="", target=name, square=float(off[:, n].sum()),
+                redundancy=float(left[:, n].sum()),
             )
             for n, name in enumerate(names[1])
         ]),
@@ -116,8 +117,8 @@ def _since(model: Model, counted: Floats, c: int, n: int, redundancy: float) -> 
     k = np.arange(len(rows) // 10, len(rows) - len(rows) // 10)
     before, after = total[k] / (k + 1), (total[-1] - total[k]) / (len(rows) - k - 1)
     # the likelihood of two variances in place of one, in units of the average square
-    mean = max(float(square.mean()), 1e-9)
-    gain = -(k + 1) * np.log(np.maximum(before, 1e-3 * mean)) - (len(rows) - k - 1) * np.log(np.maximum(after, 1e-3 * mean))
+    least = 1e-3 * max(float(square.mean()), 1e-9)
+    gain = -(k + 1) * np.log(np.maximum(before, least)) - (len(rows) - k - 1) * np.log(np.maximum(after, least))
     best = int(gain.argmax())
     if after[best] < 4 * max(before[best], redundancy / len(rows)):
         return None

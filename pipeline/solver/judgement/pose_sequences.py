@@ -19,10 +19,10 @@ from typing import Literal
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.judgement.prior_tests import log10_chance
-from pipeline.solver.model import Model, State
-from pipeline.solver.residuals import linearise, place_shift
-from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, common_time_s
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, common_time_s
+from pipeline.solver.observation.residuals import linearise, place_shift
 
 MOST_FRAMES = 3000
 """Frames of a camera that are looked at, evenly spread; an hour's flight has 90,000."""
@@ -66,9 +66,9 @@ def own_information(model: Model, state: State, chosen: Ints) -> Floats:
     time = common_time_s(frames, model.drift, state.camera, state.deviation)[chosen]
     target_m = model.basis.position(time, state.coefficients)
     line = linearise(frames, chosen, target_m, error, state.camera[camera, FOCAL])  # type: ignore[arg-type]
-    residual = line.residual
+    residual: Floats = line.residual
     if state.camera.shape[1] > CAMERA_PARAMETERS and frames.angular:
-        residual = residual + place_shift(frames, chosen, state.camera)  # type: ignore[arg-type]
+        residual = np.add(residual, place_shift(frames, chosen, state.camera))  # type: ignore[arg-type]
     weight = model.loss.weight((residual**2).sum(-1)) * frames.seen[chosen]
     own = line.by_pose * spread[:, None, None] * np.sqrt(weight)[..., None, None]
     own = own.reshape(len(chosen), -1, 6)

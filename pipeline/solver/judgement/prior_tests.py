@@ -18,12 +18,21 @@ import numpy as np
 from scipy.special import chdtrc
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.covariance import Covariance
-from pipeline.solver.model import Model, State
-from pipeline.solver.timing import CAMERA_PARAMETERS, FOCAL, OFFSET, PLACE_PARAMETERS, POS, ROT, SCALE, START
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.observation.clocks import (
+    CAMERA_PARAMETERS,
+    FOCAL,
+    OFFSET,
+    PLACE_PARAMETERS,
+    POS,
+    ROT,
+    SCALE,
+    START,
+)
+from pipeline.solver.uncertainty.covariance import Covariance
 
 FLOOR = 0.02
-"""Least share of a prior's variance that a correction is granted; doubling it halves what a hardly seen direction tells."""
+"""Least share of a prior's variance that a correction is granted; doubled, hardly seen directions tell half as much."""
 BLOCKS: dict[str, list[int]] = {
     "attitude": [*range(ROT.start, ROT.stop)],
     "position": [*range(POS.start, POS.stop)],

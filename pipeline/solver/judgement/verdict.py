@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import DepthRange, Grade, Problem, Reason, Solution, Verdict, worst
+from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.changes import FREED
 from pipeline.solver.judgement.culprits import Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
@@ -24,8 +25,7 @@ from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
 from pipeline.solver.judgement.prior_tests import PriorTest, prior_tests
 from pipeline.solver.judgement.settings import SETTINGS, JudgementSettings
 from pipeline.solver.judgement.words import Told, change_words, correction_words, misfit_words, number, sequence_words
-from pipeline.solver.model import residuals_of
-from pipeline.solver.results import Outcome
+from pipeline.solver.methods.results import Outcome
 
 RESTORED = 4.0
 """z of unit weight below which a change counts as restoring the fit."""

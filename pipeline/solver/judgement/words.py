@@ -43,19 +43,20 @@ ADVICE = {
     "searched for, or raise sigma.offset_s",
     "frame-rate": "likely: a frame_rate that is not the video's (the container's is the default), or frames that the "
     "recorder left out. Leave frame_rate out, or raise sigma.frame_rate",
-    "start": "likely: a start on another clock than the log's, or of another video. Check start, or raise sigma.start_s",
+    "start": "likely: a start on another clock than the log's, or of another video. Check start, or raise "
+    "sigma.start_s",
     "place": "likely: boxes around different parts of the target in different cameras. Draw them alike, or raise "
     "sigma.place",
     "exchange": "exchange their names in that camera's boxes or tracks and solve again",
-    "target": "look at its tracks in every camera: another thing under the same name, a box drawn in the wrong video, a "
-    "tracker that slid away; leave it out or draw its boxes again",
-    "track": "look at that track: another thing under the same name, or a tracker that slid away; draw its box again or "
-    "leave it out in that camera",
+    "target": "look at its tracks in every camera: another thing under the same name, a box drawn in the wrong video, "
+    "a tracker that slid away; leave it out or draw its boxes again",
+    "track": "look at that track: another thing under the same name, or a tracker that slid away; draw its box again "
+    "or leave it out in that camera",
     "part": "the tracker has slid onto something else there: look at the overlay, track again from a new box, or end "
     "the track before",
     "step": STEP,
-    "time-lost": "likely: frames that the recorder or a cut left out without a time. Give the tracks' times (time_s), or "
-    "cut the flight there",
+    "time-lost": "likely: frames that the recorder or a cut left out without a time. Give the tracks' times (time_s), "
+    "or cut the flight there",
     "camera": "look at that camera's calibration, mount, start, log and names of targets",
 }
 
@@ -73,7 +74,8 @@ def correction_words(camera: str, what: str, correction: Floats, sigma: Floats, 
         words = f"{camera} is {number(size)} m {way} from where its log says; " + prior.format(f"{number(one)} m")
         return Told(words=words, advice=ADVICE["height" if upright else "position"])
     if what == "focal":
-        words = f"the focal length of {camera} is {100 * math.expm1(float(correction[0])):+.2g} % from its calibration's; "
+        percent = 100 * math.expm1(float(correction[0]))
+        words = f"the focal length of {camera} is {percent:+.2g} % from its calibration's; "
         return Told(words=words + prior.format(f"{number(100 * one)} %"), advice=ADVICE["focal"])
     if what == "frame-rate":
         now = rate_hz / (1 + float(correction[0]))
@@ -102,10 +104,16 @@ def change_words(change: Change) -> Told:
     if change.kind == "without-target":
         return Told(words=f"{names} contradicts everything else", advice=ADVICE["target"])
     if change.kind == "without-track":
-        return Told(words=f"the track of {names} in {change.camera} contradicts everything else", advice=ADVICE["track"])
+        return Told(
+            words=f"the track of {names} in {change.camera} contradicts everything else", advice=ADVICE["track"]
+        )
     if change.kind == "without-camera":
         return Told(words=f"{change.camera} contradicts the other cameras", advice=ADVICE["camera"])
-    when = f"from about frame {change.since_frame} on" if change.until_frame is None else f"before frame {change.until_frame}"
+    when = (
+        f"from about frame {change.since_frame} on"
+        if change.until_frame is None
+        else f"before frame {change.until_frame}"
+    )
     words = f"the track of {names} in {change.camera} contradicts everything else {when}"
     return Told(words=words, advice=ADVICE["part"])
 
