@@ -90,7 +90,9 @@ def verdict_lines(report: dict[str, Any]) -> list[str]:
             lines.append(f"    {reason['advice']}")
     for clock in report["offsets"]:
         if clock["offset_sigma_s"] != 0:
-            lines.append(f"offset     {clock['camera']:<16}{_measured(clock['offset_s'], clock['offset_sigma_s'], 's')}")
+            lines.append(
+                f"offset     {clock['camera']:<16}{_measured(clock['offset_s'], clock['offset_sigma_s'], 's')}"
+            )
     for target in report["positions"]:
         sigma = target["typical_sigma_m"]
         lines.append(f"position   {target['target']:<16}{'unknown' if sigma is None else f'{sigma:.3g} m'} (one sigma)")

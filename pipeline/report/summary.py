@@ -99,7 +99,7 @@ def _start(clock: Clock, reference: str, first: bool) -> str:
 
 
 def remarks(results: Results) -> list[Remark]:
-    """Everything a reader must know before believing the figures: the verdict's reasons, then the most serious first."""
+    """Everything a reader must know before believing the figures: the verdict's reasons, then the rest by weight."""
     reasons = [Remark(grade=r.grade, subject=r.subject, words=_reason(r)) for r in results.solution.verdict.reasons]
     found = [*_about_status(results.solution), *_about_fit(results.solution), *_about_offsets(results.solution)]
     found += [*_about_truth(results), *_about_outliers(results), *_about_gaps(results)]

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import numpy.typing as npt
 
 from calibration.foundation.arrays import Bools
@@ -19,7 +18,6 @@ from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START
 from pipeline.solver.observation.observations import Frames
 
-Scalar = TypeVar("Scalar", bound=np.generic)
 Scalar = TypeVar("Scalar", bound=np.generic)
 FREED: dict[str, tuple[list[int], float]] = {
     "attitude": ([*range(ROT.start, ROT.stop)], 1.0),
