@@ -22,18 +22,18 @@ EXACT: dict[str, Any] = {"nogil": True}
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def compiled(function: F) -> F:
+def compiled(function: Callable[..., Any]) -> Any:
     """The function as fast as it gets, compiled on its first call."""
     return _compiled(function, FAST)
 
 
-def inlined(function: F) -> F:
+def inlined(function: Callable[..., Any]) -> Any:
     """The function as a part of those that call it."""
     return _compiled(function, {**FAST, "inline": "always"})
 
 
 def loop(function: F) -> F:
-    """`function` compiled as it stands, for bytes and whole numbers."""
+    """`function` compiled as it stands, for bytes and whole numbers, and typed as it was."""
     return _compiled(function, EXACT)
 
 
