@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib
 from collections.abc import Callable, Iterator
 from types import CodeType, ModuleType
-from typing import Any
+from typing import Any, cast
 
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+caching: Any = importlib.import_module("numba.core.caching")
 
 
 def kept(dispatcher: Any, options: dict[str, Any]) -> Any:
@@ -24,7 +25,7 @@ def kept(dispatcher: Any, options: dict[str, Any]) -> Any:
     return dispatcher
 
 
-class _ContentCache(FunctionCache):  # type: ignore[misc]
+class _ContentCache(caching.FunctionCache):  # type: ignore[misc]
     """Numba's cache with a stamp of the content instead of the file; what cannot be read is not there."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
@@ -37,7 +38,7 @@ class _ContentCache(FunctionCache):  # type: ignore[misc]
         if not self._stamped:
             function, options = self._made_of
             name = f"{function.__module__}.{function.__qualname__}"
-            self._cache_file = IndexDataCacheFile(self._cache_path, name, fingerprint(function, options))
+            self._cache_file = caching.IndexDataCacheFile(self._cache_path, name, fingerprint(function, options))
             self._stamped = True
 
     def load_overload(self, sig: object, target_context: object) -> object:
@@ -69,14 +70,14 @@ def fingerprint(function: Callable[..., Any], options: dict[str, Any]) -> str:
 
 def _made_of(function: Callable[..., Any], seen: set[int]) -> Iterator[str]:
     """Its own code, its globals, and the same of the compiled functions among them."""
-    function = getattr(function, "py_func", function)
+    function = cast("Callable[..., Any]", getattr(function, "py_func", function))
     if id(function) in seen:
         return
     seen.add(id(function))
     yield f"def {function.__module__}.{function.__qualname__} {function.__defaults__}"
     yield from _code(function.__code__)
     for name in sorted(_names(function.__code__)):
-        value = function.__globals__.get(name)
+        value: Any = function.__globals__.get(name)
         if hasattr(value, "py_func"):
             yield from _made_of(value, seen)
         elif isinstance(value, ModuleType):

@@ -55,7 +55,7 @@ def announced(say: Callable[[str], None]) -> Iterator[None]:
         return
     from numba.core import event
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         def on_start(self, happening: Any) -> None:
             say(str(happening.data["dispatcher"].py_func.__name__).lstrip("_"))
 
