@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.camera import CameraModel, focal_effect, pixel_from_ray, unproject
-from calibration.camera_files import read_camera
+from calibration.camera_files.reading import read_camera
 from calibration.foundation.arrays import Ints
 from calibration.foundation.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import CameraSettings, Flight

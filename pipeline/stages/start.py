@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.camera_files import read_camera
+from calibration.camera_files.reading import read_camera
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError, UsageError
 from pipeline.flight import CameraSettings, Flight

@@ -23,7 +23,7 @@ from pipeline.records import (
     SolverSettings,
     TargetInput,
 )
-from pipeline.solver.search import is_ambiguous, search_offsets
+from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
 from pipeline.stages.poses import measure_poses
 from pipeline.stages.problem import build_problem, read_models
 from pipeline.stages.sources import open_sources
