@@ -22,7 +22,7 @@ from pipeline.solver.observation.clocks import common_time_s
 from pipeline.solver.observation.observations import pack
 from pipeline.solver.uncertainty.covariance import Sandwich
 from pipeline.stages import build_problem, measure_poses, open_sources, read_models
-from pipeline.stages.tracks import read_tracks
+from pipeline.stages.inputs.tracks import read_tracks
 
 SUPPORT_S, STEP_S = 0.2, 0.1
 WITHIN = ((1.0, 55, 80), (1.96, 88, 99))

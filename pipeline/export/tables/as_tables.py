@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.export.cells import Cell, rounded, significant, table, utc_texts
-from pipeline.export.places import geodetic_degrees
+from pipeline.export.text.cells import Cell, rounded, significant, table, utc_texts
+from pipeline.export.text.places import geodetic_degrees
 from pipeline.records import Clock, Results, Solution, Trajectory
 
 TIMING_COLUMNS = ("camera", "offset_s", "offset_sigma_s", "frame_rate", "frame_rate_sigma")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,31 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from calibration.foundation.errors import InputFileError, UsageError
+from calibration.foundation.progress import Progress
 from pipeline.export import read_detections_csv, read_tracks_csv
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import Box, ImageTrack
-from pipeline.stages.frames import VideoClock, frame_rate, video_clock, video_time_s
-from pipeline.stages.progress import Progress
+from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock, video_time_s
 from pipeline.tracking import TrackingSettings, VideoTracks, track_video, write_overlay
 
 DEFAULT_PIXEL_SIGMA = 1.0
-PLACE_FLOOR_PX, PLACE_SHARE = 0.25, 0.01
-"""Place error of a tracked point, one sigma: measured on rendered flights with boxes of 14 to 46 px (README, accuracy),
-where the constant and the drifting part are both 0.1 to 0.35 px."""
-
-
-def place_sigma_px(flight: Flight, camera: CameraSettings) -> tuple[float, float]:
-    """How far a tracker's point may sit from where the other cameras' tracks have it: constant, drifting.
-
-    A box is drawn around a target as this camera sees it, and its look changes with the direction. Detections made
-    elsewhere are taken as the same physical point.
-    """
-    boxes = [t.boxes[camera.name] for t in flight.targets if camera.name in t.boxes]
-    if camera.tracks is not None or not boxes:
-        return 0.0, 0.0
-    size = float(np.median([math.sqrt(box.width * box.height) for box in boxes]))
-    sigma = math.hypot(PLACE_FLOOR_PX, PLACE_SHARE * size)
-    return sigma, sigma
 
 
 def boxes_of(flight: Flight, camera: CameraSettings) -> dict[str, Box]:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.camera import CameraModel, focal_effect, pixel_from_ray, unproject
-from calibration.camera_files.reading import read_camera
+from calibration.camera import CameraModel, focal_effect
 from calibration.foundation.arrays import Ints
 from calibration.foundation.errors import GeometryError, InputFileError, UsageError
-from pipeline.flight import CameraSettings, Flight
-from pipeline.records import CameraInput, ImageTrack, InstrumentSigma, PoseTrack, Problem, SightRays, TargetInput
-from pipeline.stages.measured import MeasuredPoses
-from pipeline.stages.tracks import place_sigma_px
-
-TELLING = 0.2
-"""Share of a pixel's sigma below which an error of the focal length is not worth an unknown."""
+from pipeline.flight import Flight
+from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
+from pipeline.stages.problem.rays import check_inside, sight_rays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,36 +24,6 @@ class BuiltProblem:
     problem: Problem
     models: Mapping[str, CameraModel]
     notes: tuple[str, ...]
-
-
-def read_models(flight: Flight) -> dict[str, CameraModel]:
-    """The camera model of every camera."""
-    return {camera.name: read_camera(camera.calibration) for camera in flight.cameras}
-
-
-def sight_rays(
-    model: CameraModel, camera: str, tracks: Sequence[ImageTrack], targets: tuple[str, ...]
-) -> tuple[SightRays, int]:
-    """The sight rays of one camera (paper eq. 4 before R), and how many fixes no direction maps to."""
-    frame = np.concatenate([t.frame[t.seen] for t in tracks])
-    target = np.concatenate([np.full(t.seen.sum(), targets.index(t.target)) for t in tracks])
-    order = np.lexsort((target, frame))
-    time, pixel, sigma = (
-        np.concatenate([getattr(t, name)[t.seen] for t in tracks])[order] for name in ("time_s", "xy_px", "sigma_px")
-    )
-    direction = unproject(model, pixel)
-    good = np.isfinite(direction).all(axis=1)
-    rays = SightRays(
-        camera=camera,
-        targets=targets,
-        target=target[order][good],
-        frame=frame[order][good],
-        time_s=time[good],
-        direction_cam=direction[good],
-        pixel_from_ray=pixel_from_ray(model, direction[good]),
-        sigma_px=sigma[good],
-    )
-    return rays, int((~good).sum())
 
 
 def build_problem(
@@ -75,7 +41,7 @@ def build_problem(
         if not own:
             notes.append(f"camera {pose.camera} sees no target and takes no part")
             continue
-        _check_inside(flight, models[pose.camera], own)
+        check_inside(flight, models[pose.camera], own)
         rays, lost = sight_rays(models[pose.camera], pose.camera, own, names)
         rays = replace(rays, place_sigma_px=place_sigma_px(flight, flight.camera(pose.camera)))
         if lost:
@@ -87,24 +53,6 @@ def build_problem(
     _check_common(flight, inputs)
     problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)
     return BuiltProblem(problem=problem, models=models, notes=tuple(notes))
-
-
-def with_focal(
-    sigma: InstrumentSigma, given: Mapping[str, float], model: CameraModel, rays: SightRays
-) -> InstrumentSigma:
-    """`sigma` with the focal length's own, relative, from the calibration's covariance; what is `given` goes first.
-
-    It stays held where even at the image's corner it moves less than observations can tell.
-    """
-    if "focal" in given or model.covariance is None:
-        return sigma
-    share = np.zeros(len(model.covariance))
-    share[:2] = 0.5 / model.K[[0, 1], [0, 1]]
-    relative = math.sqrt(max(0.0, float(share @ model.covariance @ share)))
-    at_corner_px = relative * float(np.hypot(*model.image_size)) / 2
-    if at_corner_px < TELLING * float(np.median(rays.sigma_px)):
-        return sigma
-    return replace(sigma, focal=relative)
 
 
 def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput, ...]:
@@ -129,25 +77,6 @@ def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput,
     return tuple(TargetInput(target=name) for name in seen)
 
 
-def _check_inside(flight: Flight, model: CameraModel, tracks: Sequence[ImageTrack]) -> None:
-    width, height = model.image_size
-    if not width or not height:
-        return
-    for track in tracks:
-        xy = track.xy_px
-        margin = 0.5 * np.array([width, height])
-        out = track.seen & ((xy < -margin) | (xy > np.array([width, height]) + margin)).any(axis=1)
-        if out.any():
-            row = int(np.flatnonzero(out)[0])
-            camera = flight.camera(track.camera)
-            raise InputFileError(
-                where=f"{camera.tracks or camera.video}: target {track.target}, frame {track.frame[row]}",
-                seen=f"({xy[row, 0]:.1f}, {xy[row, 1]:.1f}) px",
-                expected=f"a place in the {width} x {height} image that {camera.calibration.name} was made for",
-                advice="check that calibration and tracks are of the same camera, and of the same image size",
-            )
-
-
 def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]) -> CameraInput:
     settings = flight.camera(pose.camera)
     base = poses_of(flight, pose, np.unique(rays.frame))
@@ -155,7 +84,7 @@ def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequ
     reference = next(m for m in measured if m.camera == flight.reference_camera)
     if offset is None and pose.utc_s is not None and reference.utc_s is not None:
         offset = pose.utc_s - reference.utc_s
-        sigma = _offset_sigma(settings, pose, reference)
+        sigma = offset_sigma(settings, pose, reference)
     return CameraInput(
         camera=pose.camera,
         rays=rays,
@@ -167,13 +96,6 @@ def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequ
         still=pose.still,
         poses_at=None if pose.poses_at is None else pose.poses_at(base),
     )
-
-
-def _offset_sigma(settings: CameraSettings, pose: MeasuredPoses, reference: MeasuredPoses) -> InstrumentSigma:
-    """The prior of an offset that two UTC times give: what both are worth, where the flight file does not say it."""
-    if "offset_s" in settings.sigma or pose.utc_sigma_s is None or reference.utc_sigma_s is None:
-        return pose.sigma
-    return replace(pose.sigma, offset_s=float(np.hypot(pose.utc_sigma_s, reference.utc_sigma_s)))
 
 
 def poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:

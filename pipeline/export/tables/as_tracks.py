@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from calibration.foundation.arrays import Ints
-from pipeline.export.cells import Cell, exact, table
-from pipeline.export.csv_reading import CsvTable, read_table
+from pipeline.export.text.cells import Cell, exact, table
+from pipeline.export.text.csv_reading import CsvTable, read_table
 from pipeline.records import LOST, STATE_NAMES, ImageTrack
 
 TRACK_COLUMNS = ("camera", "target", "frame", "time_s", "x_px", "y_px", "sigma_px", "state")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.foundation.files import write_whole
-from pipeline.stages.results import file_hash
+from pipeline.stages.running.results import file_hash
 
 FOLDER = ".runningfix"
 

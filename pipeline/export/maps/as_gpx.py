@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
-from pipeline.export.cells import fixed, utc_texts
-from pipeline.export.places import ELLIPSOID, MapPath, target_paths
-from pipeline.export.xml_text import child, document
+from pipeline.export.text.cells import fixed, utc_texts
+from pipeline.export.text.places import ELLIPSOID, MapPath, target_paths
+from pipeline.export.text.xml_text import child, document
 from pipeline.records import Results
 
 

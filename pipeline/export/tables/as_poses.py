@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.export.as_tracks import group_rows
-from pipeline.export.cells import Cell, exact, table
-from pipeline.export.csv_reading import CsvTable, read_table
+from pipeline.export.tables.as_tracks import group_rows
+from pipeline.export.text.cells import Cell, exact, table
+from pipeline.export.text.csv_reading import CsvTable, read_table
 from pipeline.records import PoseTrack
 
 _POSE = ("east_m", "north_m", "up_m", "qw", "qx", "qy", "qz")

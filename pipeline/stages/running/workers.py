@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from typing import Any
 
+from calibration.foundation.progress import Progress
 from pipeline.flight import Flight
-from pipeline.stages.progress import Progress
-from pipeline.stages.tracks import track_camera
+from pipeline.stages.inputs.tracks import track_camera
 from pipeline.tracking import VideoTracks
 
 _reports: Any = None

@@ -6,7 +6,7 @@ import pytest
 
 from calibration.foundation.errors import GeometryError, TrackingError, WriteError
 from calibration.foundation.files import write_whole
-from pipeline.stages.ledger import FOLDER, Ledger, key_of
+from pipeline.stages.running.ledger import FOLDER, Ledger, key_of
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import InputFileError
-from pipeline.export.as_tracks import TRACK_COLUMNS, group_rows, read_tracks_csv
-from pipeline.export.csv_reading import CsvTable, read_table
+from pipeline.export.tables.as_tracks import TRACK_COLUMNS, group_rows, read_tracks_csv
+from pipeline.export.text.csv_reading import CsvTable, read_table
 from pipeline.records import TRACKED, ImageTrack
 
 _ABSENT = "leave the row out where the target was not seen"

@@ -7,7 +7,7 @@ import pytest
 
 from calibration.camera import CameraModel
 from pipeline.records import InstrumentSigma, SightRays
-from pipeline.stages.problem import with_focal
+from pipeline.stages.problem.priors import with_focal
 
 K = np.array([[1000.0, 0, 640], [0, 1010.0, 360], [0, 0, 1]])
 RAYS = SightRays(

@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.flight import CameraSettings, Flight
+from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight
 from pipeline.geometry.geodesy import Geodetic
-from pipeline.stages.frames import video_clock
-from pipeline.stages.start import AUTO
+from pipeline.stages.inputs.frames import video_clock
 from pipeline.telemetry import (
     Excerpt,
     FlightLog,
@@ -71,7 +70,7 @@ def _excerpts(flight: Flight, log: Path) -> tuple[Excerpt, ...]:
 
 def _excerpt(camera: CameraSettings) -> Excerpt | None:
     clock = video_clock(camera)
-    if clock is None or camera.start is None or camera.start in (AUTO, "camera-event"):
+    if clock is None or camera.start is None or camera.start in (AUTO, CAMERA_EVENT):
         return None
     long_s = float(clock.time_s[-1])
     margin_s = MARGIN_S + MARGIN_SIGMAS * camera.sigma.get("start_s", 0.0) + MARGIN_SHARE * long_s

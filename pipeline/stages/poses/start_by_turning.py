@@ -11,15 +11,14 @@ import numpy as np
 from calibration.camera_files.reading import read_camera
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError, UsageError
+from calibration.foundation.progress import Progress
 from pipeline.flight import CameraSettings, Flight
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic
-from pipeline.stages.frames import VideoClock
-from pipeline.stages.progress import Progress
+from pipeline.stages.inputs.frames import VideoClock
 from pipeline.telemetry import GRID_S, FlightLog, LogTurning, Match, Mount, camera_poses, covered, log_span, match_turns
 from pipeline.tracking import ImageTurning, image_turning
 
-AUTO = "auto"
 LEAST_DOWN = 0.1
 
 

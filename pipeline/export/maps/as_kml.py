@@ -12,9 +12,9 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from pipeline.export.cells import fixed, utc_texts
-from pipeline.export.places import CAMERA_COLOUR, MapPath, camera_paths, median_sigma_m, target_paths
-from pipeline.export.xml_text import child, document
+from pipeline.export.text.cells import fixed, utc_texts
+from pipeline.export.text.places import CAMERA_COLOUR, MapPath, camera_paths, median_sigma_m, target_paths
+from pipeline.export.text.xml_text import child, document
 from pipeline.records import Results
 
 

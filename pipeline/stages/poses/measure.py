@@ -11,14 +11,14 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import UsageError
-from pipeline.flight import CameraSettings, Flight, MountSettings
+from calibration.foundation.progress import Progress, silent
+from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight, MountSettings
 from pipeline.geometry import rotation
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
-from pipeline.stages.frames import VideoClock, frame_rate, video_clock
-from pipeline.stages.measured import MeasuredPoses, sigma_in_force, utc_of_start, wanted_frames
-from pipeline.stages.progress import Progress, silent
-from pipeline.stages.sources import Sources
-from pipeline.stages.start import AUTO, FoundStart, auto_start
+from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock
+from pipeline.stages.inputs.sources import Sources
+from pipeline.stages.poses.measured import MeasuredPoses, sigma_in_force, utc_of_start, wanted_frames
+from pipeline.stages.poses.start_by_turning import FoundStart, auto_start
 from pipeline.telemetry import (
     FlightLog,
     Mount,
@@ -141,7 +141,7 @@ def _log_times(
     camera: CameraSettings, log: FlightLog, frame: Ints, nominal_s: Floats, time_s: Floats
 ) -> tuple[Floats, tuple[str, ...]]:
     """Log times (n,) of frames (n,), and a note: each its own event's where `start` says so and the log has them."""
-    own = event_times(log, frame, time_s) if camera.start == "camera-event" else None
+    own = event_times(log, frame, time_s) if camera.start == CAMERA_EVENT else None
     if own is None:
         return nominal_s, ()
     return own, (f"each frame is at its own {log.camera_event_source} of {log.path.name}",)

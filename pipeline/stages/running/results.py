@@ -14,8 +14,8 @@ from pipeline.flight import Flight
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Bias, ImageTrack, Motion, PoseTrack, Results, Solution, Trajectory
-from pipeline.stages.measured import MeasuredPoses
-from pipeline.stages.problem import BuiltProblem
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.build import BuiltProblem
 
 NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.export.as_json import dumps
-from pipeline.export.cells import utc_texts
-from pipeline.export.places import (
+from pipeline.export.text.cells import utc_texts
+from pipeline.export.text.places import (
     ELLIPSOID,
     MapPath,
     camera_paths,

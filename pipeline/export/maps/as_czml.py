@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.export.as_json import dumps
-from pipeline.export.cells import utc_texts
-from pipeline.export.places import ELLIPSOID, MapPath, camera_paths, target_paths
+from pipeline.export.text.cells import utc_texts
+from pipeline.export.text.places import ELLIPSOID, MapPath, camera_paths, target_paths
 from pipeline.records import Results
 
 STAND_IN_UTC_S = 946684800.0

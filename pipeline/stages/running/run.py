@@ -16,20 +16,21 @@ from pathlib import Path
 
 from calibration.camera import CameraModel
 from calibration.foundation.errors import InputFileError
+from calibration.foundation.progress import Progress, silent
 from pipeline.export import export_all, poses_csv, read_tracks_csv, tracks_csv
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack, Problem, Results, Solution, SolverSettings
 from pipeline.report import render_report
 from pipeline.solver import solve
-from pipeline.stages.ledger import FOLDER, Ledger, key_of
-from pipeline.stages.measured import MeasuredPoses
-from pipeline.stages.poses import measure_poses
-from pipeline.stages.problem import build_problem, read_models
-from pipeline.stages.progress import Progress, silent
-from pipeline.stages.results import all_refined, file_hash, gather_results, input_files, versions
-from pipeline.stages.sources import Sources, open_sources
-from pipeline.stages.tracks import boxes_of, detections, draw_overlay, read_tracks, wanted
-from pipeline.stages.workers import track_all
+from pipeline.stages.inputs.sources import Sources, open_sources
+from pipeline.stages.inputs.tracks import boxes_of, detections, draw_overlay, read_tracks, wanted
+from pipeline.stages.poses.measure import measure_poses
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.build import build_problem
+from pipeline.stages.problem.rays import read_models
+from pipeline.stages.running.ledger import FOLDER, Ledger, key_of
+from pipeline.stages.running.results import all_refined, file_hash, gather_results, input_files, versions
+from pipeline.stages.running.workers import track_all
 
 Opener = Callable[[], Sources]
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import UsageError
-from pipeline.flight import CameraSettings, Flight
+from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
 from pipeline.records.problem import PoseAt
-from pipeline.stages.frames import VideoClock, video_time_s
+from pipeline.stages.inputs.frames import VideoClock, video_time_s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ def utc_of_start(flight: Flight, camera: CameraSettings) -> float | None:
     """UTC of frame 0 where the flight file itself says it."""
     if not isinstance(camera.start, str):
         return None
-    if camera.start in ("camera-event", "auto"):
+    if camera.start in (CAMERA_EVENT, AUTO):
         raise UsageError(
             where=flight.key(camera.name, "start"),
             seen=f'"{camera.start}" without a log',
