@@ -152,12 +152,14 @@ def _alike(camera: str, frame: int, time_s: float, u: Floats, information: Float
         sums = sums - weight @ (total @ u.sum(axis=0))
         product, variance = (sums[1:] * sums[:-1]).sum(axis=1), np.einsum("fij,fij->f", weight[1:], weight[:-1])
         z = float(product.sum() / np.sqrt(max(variance.sum(), 1e-12)))
-        found.append((z, float(product.sum()) / max(float((sums**2).sum()), 1e-12)))
-    z, correlation = max(found)
+        correlation = float(product.sum()) / max(float((sums**2).sum()), 1e-12)
+        known = float(np.trace(weight, axis1=1, axis2=2).sum()) * len(cut) / len(u)
+        found.append((z, correlation, known))
+    z, correlation, known = max(found)
     return [
         Sequence(
             camera=camera, kind="alike", part="position", frame=frame, time_s=time_s, size=np.full(3, np.nan),
-            statistic=z * abs(z), log10_p=min(0.0, log10_chance(z * z, 1) + np.log10(1.5)) if z > 0 else 0.0,
-            correlation=correlation,
+            statistic=-known * float(np.log1p(-min(correlation, 0.99) ** 2)),
+            log10_p=min(0.0, log10_chance(z * z, 1) + np.log10(1.5)) if z > 0 else 0.0, correlation=correlation,
         )
     ]  # fmt: skip

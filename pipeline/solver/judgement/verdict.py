@@ -31,8 +31,8 @@ RESTORED = 4.0
 """z of unit weight below which a change counts as restoring the fit."""
 NAMED = 3
 """Suspects that are named."""
-EQUAL = 0.8
-"""Share of the best suspect's gain from which on another explains as much."""
+FURTHER = 6
+"""Doubts that are told after the suspects, the gravest kinds first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,24 +152,31 @@ def _of_misfits(found: Misfits, settings: JudgementSettings) -> list[Reason]:
 
 
 def _with_suspects(problem: Problem, found: Outcome, tests: Tests, doubts: list[Reason]) -> list[Reason]:
-    """The doubts behind the likeliest culprits; what a culprit already says is not said twice."""
+    """The likeliest culprits, then the doubts; what a culprit already says is not said twice."""
     searched = search_culprits(problem, found.model, found.state, tests.misfits, tests.sequences, _other_clocks(found))
     grade = worst(tuple(r.grade for r in doubts))
-    by_sequence = [(r.figure, r) for r in doubts if r.kind.startswith("pose-")]
-    named: list[tuple[float, Reason]] = [(e.net, _suspect(problem, e, tests, grade)) for e in _distinct(searched)]
-    ranked = sorted([*named, *by_sequence], key=lambda pair: -pair[0])
-    first = [reason for _, reason in ranked[:NAMED]]
+    best = _distinct(searched)
+    jumping = {e.change.camera for e in best if e.change.kind == "step"}
+    named: list[tuple[float, Reason]] = [(e.net, _suspect(problem, e, tests, grade)) for e in best]
+    named += [(r.figure, r) for r in doubts if r.kind.startswith("pose-") and r.subject not in jumping]
+    first = [reason for _, reason in sorted(named, key=lambda pair: -pair[0])[:NAMED]]
     said = {(r.kind.removeprefix("suspect-"), r.subject) for r in first}
-    rest = [r for r in doubts if r not in first and (r.kind.removeprefix("prior-"), r.subject) not in said]
-    if searched.cut:
-        rest.append(
-            Reason(
-                kind="search-cut", subject="", grade="good",
-                words=f"{searched.tried} changes were tried for a culprit, and there are more",
-                advice="leave out cameras or targets yourself to narrow it down",
-            )
-        )  # fmt: skip
-    return [*first, *rest]
+    rest = [
+        r
+        for r in doubts
+        if r not in first
+        and (r.kind.removeprefix("prior-"), r.subject) not in said
+        and not (r.kind.startswith("pose-") and (r.subject in jumping or (best and best[0].z < RESTORED)))
+    ]
+    return [*first, *rest[:FURTHER], *_cut(searched)]
+
+
+def _cut(searched: Searched) -> list[Reason]:
+    if not searched.cut:
+        return []
+    words = f"{searched.tried} changes were tried for a culprit, and there are more"
+    advice = "leave out cameras or targets yourself to narrow it down"
+    return [Reason(kind="search-cut", subject="", words=words, advice=advice, grade="good")]
 
 
 def _other_clocks(found: Outcome) -> list[Clocks]:

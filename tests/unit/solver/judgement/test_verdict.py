@@ -1,0 +1,89 @@
+"""A verdict says what is wrong, names who did it first, and is silent where nothing is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.records import Problem, Solution, SolverSettings
+from pipeline.solver import solve
+from tests.scenes import mistaken
+
+
+def solved(problem: Problem) -> Solution:
+    return solve(problem, SolverSettings())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flight_whose_claims_are_true_is_good(seed: int) -> None:
+    verdict = solved(mistaken.right_flight(seed)).verdict
+    assert verdict.grade == "good", verdict
+    assert not verdict.reasons
+
+
+def test_chi_square_is_what_was_expected() -> None:
+    z = []
+    for seed in range(8):
+        found = solved(mistaken.right_flight(seed))
+        z.append((found.chi_square - found.expected_chi_square) / np.sqrt(2 * found.expected_chi_square))
+    assert abs(np.mean(z)) < 3.5 / np.sqrt(8)
+    assert 0.4 < np.std(z) < 1.7
+
+
+@pytest.mark.parametrize(
+    ("problem", "kind", "subject", "said"),
+    [
+        (mistaken.turned(mistaken.right_flight(1), "uav2", np.array([0, 12, 0])), "suspect-attitude", "uav2", "turned"),
+        (mistaken.exchanged(mistaken.right_flight(1), "uav2", 0, 2), "suspect-exchange", "uav2", "target1 and target3"),
+        (mistaken.exchanged(mistaken.right_flight(1), "uav1", 1, 2, since=26), "suspect-exchange", "uav1", "frame 2"),
+        (mistaken.sliding(mistaken.right_flight(1), "uav1", 3, since=25), "suspect-without", "target4", "contradicts"),
+        (mistaken.shifted(mistaken.right_flight(1), "uav1", np.array([0, 0, 40.0])), "suspect-position", "uav1", "40"),
+        (
+            mistaken.shifted(mistaken.right_flight(1), "uav2", np.array([9.0, 9.0, 0]), since=25),
+            "suspect-position-step", "uav2", "frame 2",
+        ),
+    ],
+    ids=("mount", "exchange", "exchange half way", "slide", "height", "jump"),
+)  # fmt: skip
+def test_a_mistake_is_bad_and_its_culprit_is_named_first(problem: Problem, kind: str, subject: str, said: str) -> None:
+    verdict = solved(problem).verdict
+    assert verdict.grade == "bad", verdict
+    named = [r for r in verdict.reasons[:2] if r.kind.startswith(kind) and subject in r.subject]
+    assert named, verdict.reasons
+    assert said in named[0].words
+    assert named[0].advice
+    assert named[0].figure > 50
+
+
+def test_priors_ten_times_too_small_are_named() -> None:
+    noise = replace(mistaken.INSTRUMENTS, attitude_bias_rad=10 * mistaken.INSTRUMENTS.attitude_bias_rad)
+    problem = mistaken.right_flight(3, noise=noise)
+    for camera in problem.cameras:
+        small = replace(camera.sigma, attitude_bias_rad=camera.sigma.attitude_bias_rad / 10)
+        problem = mistaken.with_camera(problem, camera.camera, sigma=small)
+    verdict = solved(problem).verdict
+    assert verdict.grade != "good"
+    assert any("attitude" in r.kind and "its prior says 0.3" in r.words for r in verdict.reasons[:2]), verdict.reasons
+
+
+def test_nothing_is_applied() -> None:
+    problem = mistaken.exchanged(mistaken.right_flight(1), "uav2", 0, 2)
+    found = solved(problem)
+    assert {m.target for m in found.motions} == {t.target for t in problem.targets}
+    assert len(found.sightings.frame) == sum(len(c.rays.frame) for c in problem.cameras)
+
+
+def test_one_sigma_is_the_larger_of_plain_and_robust() -> None:
+    found = solved(mistaken.right_flight(2))
+    assert found.shared_covariance is not None
+    assert found.shared_covariance_robust is not None
+    at = found.shared_names.index("uav2.offset_s")
+    larger = max(found.shared_covariance[at, at], found.shared_covariance_robust[at, at])
+    assert found.clock("uav2").offset_sigma_s == pytest.approx(np.sqrt(larger))
+
+
+def test_methods_without_sigmas_are_judged_by_convergence() -> None:
+    verdict = solve(mistaken.right_flight(1), SolverSettings(method="intersection")).verdict
+    assert verdict.grade == "good"
