@@ -12,7 +12,7 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 INTERRUPTED = 130
-OWN_MODULES = ("board", "boresight", "calibrate", "demo", "detect", "experiment", "inspect", "label")
+OWN_MODULES = ("board", "boresight", "calibrate", "camera", "demo", "detect", "experiment", "inspect", "label")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

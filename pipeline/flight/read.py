@@ -21,6 +21,7 @@ from pipeline.flight.settings import (
     StillPose,
     TargetSettings,
     Vector,
+    VideoArea,
 )
 from pipeline.flight.table import Table, nearest
 from pipeline.geometry.geodesy import Geodetic
@@ -118,6 +119,7 @@ def _camera(table: Table, name: str, folder: Path) -> CameraSettings:
         name=name,
         calibration=calibration,
         **paths,
+        video_area=_video_area(table.table("video_area")),
         tracker=table.choice("tracker", TRACKERS, "kcf"),
         dialect=_dialect(table, folder),
         pose=pose,
@@ -129,6 +131,26 @@ def _camera(table: Table, name: str, folder: Path) -> CameraSettings:
         lever_arm_m=_triple(table.vector("lever_arm_m", 3)),
         sigma=_sigma(table.table("sigma")),
     )
+
+
+def _video_area(table: Table | None) -> VideoArea | None:
+    """{ crop = [x, y, width, height], of = [width, height] }, in pixels of the calibrated picture."""
+    if table is None:
+        return None
+    crop, of = table.vector("crop", 4), table.vector("of", 2)
+    for key, value in (("crop", crop), ("of", of)):
+        if value is None:
+            raise table.refuse(
+                key,
+                "crop = [x, y, width, height] and of = [width, height] of the calibrated picture",
+                "write video_area = { crop = [0, 270, 3840, 2160], of = [3840, 2700] }",
+            )
+    assert crop is not None
+    assert of is not None
+    if min(of) < 1 or of[0] % 1 or of[1] % 1:
+        raise table.refuse("of", "two whole numbers above 0", "write the size of the calibrated picture")
+    table.done()
+    return VideoArea(crop=(crop[0], crop[1], crop[2], crop[3]), of=(int(of[0]), int(of[1])))
 
 
 def _path(table: Table, key: str, folder: Path) -> Path | None:

@@ -22,12 +22,12 @@ from pipeline.flight import Flight
 from pipeline.records import ImageTrack, Problem, Results, Solution, SolverSettings
 from pipeline.report import render_report
 from pipeline.solver import solve
+from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.sources import Sources, open_sources
 from pipeline.stages.inputs.tracks import boxes_of, detections, draw_overlay, read_tracks, wanted
 from pipeline.stages.poses.measure import measure_poses
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import build_problem
-from pipeline.stages.problem.rays import read_models
 from pipeline.stages.running.ledger import FOLDER, Ledger, key_of
 from pipeline.stages.running.results import all_refined, file_hash, gather_results, input_files, versions
 from pipeline.stages.running.workers import track_all
