@@ -68,6 +68,8 @@ def scaled(camera: CameraModel, area: Area, size: tuple[int, int]) -> CameraMode
             expected=f"x, y, width and height of a part of {_by(area.of)}",
             advice="count from the top left corner",
         )
+    if [x, y, width, height] == [0, 0, *size] and size == area.of:
+        return replace(camera, image_size=size)
     scale = size[0] / width, size[1] / height
     if abs(np.log(scale[0] / scale[1])) > max(SAME_SHAPE, 1.5 / min(size)):
         raise UsageError(
@@ -161,7 +163,7 @@ def for_pictures(
 ) -> CameraModel:
     """The camera made to fit the pictures of a video by what is known: turned by the tag, cropped as asked, scaled.
 
-    Without `crop` the video must show the whole calibrated picture, that is, have its shape. Raises UsageError as `fitted`.
+    Without `crop` the video must show the whole calibrated picture, that is, have its shape. Raises as `fitted`.
     """
     have = _turned_deg(camera)
     if have is not None:
@@ -169,8 +171,6 @@ def for_pictures(
     (w, h), (vw, vh) = camera.image_size, picture.size
     if crop is None and min(w, h) > 0 and abs(np.log(vw / w) - np.log(vh / h)) <= max(SAME_SHAPE, 1.5 / min(vw, vh)):
         crop = Area(crop=(0, 0, w, h), of=(w, h))
-    if crop is not None and crop.crop == (0, 0, vw, vh) == (0, 0, w, h):
-        crop = None
     return fitted(camera, picture, file=file, video=video, where=where, area=crop)
 
 

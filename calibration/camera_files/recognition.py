@@ -201,8 +201,10 @@ KINDS: tuple[Kind, ...] = (
 
 
 def _may_be_a_matrix(value: object) -> bool:
-    """Not so where a mapping under a matrix' name has parts of its own, and one of those may be a camera."""
-    return value is not None and not (isinstance(value, Mapping) and not ({"data", "fx"} & set(value)))
+    """Not so where what stands under a matrix' name has parts of its own, one of which may be a camera."""
+    if isinstance(value, Mapping):
+        return bool({"data", "fx"} & set(value))
+    return value is not None and not (isinstance(value, list) and any(isinstance(part, Mapping) for part in value))
 
 
 def _length(value: object) -> int:

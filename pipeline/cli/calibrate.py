@@ -8,7 +8,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
-from calibration import Board, Calibration, calibrate_files, calibration_page, pictures, write_camera
+from calibration import Board, Calibration, CameraModel, calibrate_files, calibration_page, pictures, write_camera
 from calibration.foundation.errors import CalibrationError, RunningFixError, UsageError
 from calibration.foundation.files import write_whole
 from pipeline.cli.board import read_board
@@ -79,9 +79,14 @@ def _calibrated(
         )
         files.append(str(page))
     seconds = time.perf_counter() - begin
+    fit = {} if arguments.video is None else {"for": {"video": str(arguments.video), **_numbers(camera)}}
     for line in (*found.warnings, *found.advice):
         console.say(f"note: {line}")
-    return summary(found, files, seconds), words(found, files)
+    return {**summary(found, files, seconds), **fit}, words(found, files)
+
+
+def _numbers(camera: CameraModel) -> dict[str, Any]:
+    return {"image_size": list(camera.image_size), "K": camera.K.tolist(), "distortion": camera.distortion.tolist()}
 
 
 def _code(report: dict[str, Any], arguments: Namespace) -> int:

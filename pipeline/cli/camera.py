@@ -37,8 +37,8 @@ def run(arguments: Namespace, console: Console) -> int:
         "distortion": made.distortion.tolist(), "warnings": list(notes), "files": [str(arguments.output)],
     }  # fmt: skip
     (fx, _, cx), (_, fy, cy), _ = made.K
-    words = f"{made.image_size[0]}x{made.image_size[1]}, focal length {fx:.2f} x {fy:.2f}, principal point {cx:.2f}, {cy:.2f}"
-    console.result(summary, f"written {arguments.output}: {words}")
+    words = f"focal length {fx:.2f} x {fy:.2f}, principal point {cx:.2f}, {cy:.2f}"
+    console.result(summary, f"written {arguments.output}: {made.image_size[0]}x{made.image_size[1]}, {words}")
     return 0
 
 

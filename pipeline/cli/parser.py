@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 OUT_HELP = "folder for the results (made where it is missing)"
 
@@ -99,7 +99,7 @@ def _calibrate(commands: Commands) -> None:
     )
     parser.add_argument(
         "--for", dest="video", type=Path, metavar="VIDEO",
-        help="write the camera of this video's pictures: the photos' scaled, where both have one shape; else say --crop",
+        help="write the camera of this video's pictures: the photos' scaled, where both have one shape; else --crop",
     )  # fmt: skip
     parser.add_argument("--crop", **CROP)
     parser.add_argument(
@@ -115,7 +115,7 @@ CROP: Mapping[str, Any] = {
 
 def _camera(commands: Commands) -> None:
     parser = _command(
-        commands, "camera", "a camera file for other pictures of the same camera: scaled, cropped, turned, another format",
+        commands, "camera", "a camera file for other pictures of its camera: scaled, cropped, turned, converted",
         "runningfix camera scale uav1.json --to 1920x1080 -o uav1-1080.json",
     )  # fmt: skip
     parser.add_argument("action", choices=("scale",), help="what to do")
