@@ -13,7 +13,8 @@ from pipeline.flight import read_flight
 from pipeline.stages import measure_poses, open_sources
 from pipeline.stages.inputs import sources
 from pipeline.synthetic.demo_scenes import small_scene
-from pipeline.telemetry import excerpt, pieces
+from pipeline.telemetry.excerpts import excerpt
+from pipeline.telemetry.log import byte_ranges as pieces
 from tests.scenes.logs import RECORD_EPOCH_S, tlog
 
 VIDEO = Path(__file__).parents[4] / "data" / "flight" / "uav2.mp4"
