@@ -48,7 +48,7 @@ def camera_from(fields: Mapping[str, Any], made: Mapping[str, Any]) -> CameraMod
     K = _matrix(fields)
     size = _size(fields)
     notes = dict(made)
-    refuse_impossible(K, size)
+    refuse_impossible(K, size, cropped="area" in made)
     K, size = _as_sent(fields, K, size, notes)
     if size == UNKNOWN_SIZE:
         notes["note"] = "the file gives no image size: whether photos or video fit this camera cannot be checked"

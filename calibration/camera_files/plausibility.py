@@ -42,11 +42,14 @@ class NotACamera(ValueError):  # noqa: N818  (an intermediate verdict, turned in
         super().__init__(f"{key}: {seen}; expected {expected}")
 
 
-def refuse_impossible(K: Floats, size: tuple[int, int]) -> None:
-    """Raises NotACamera where `K` (3, 3) is no camera's, or none of pictures of `size` (width, height)."""
+def refuse_impossible(K: Floats, size: tuple[int, int], *, cropped: bool = False) -> None:
+    """Raises NotACamera where `K` (3, 3) is no camera's, or none of pictures of `size` (width, height).
+
+    Of pictures that are known to be `cropped`, the principal point may be anywhere.
+    """
     _refuse_other_layout(K)
     _refuse_other_units(K, size)
-    if size != UNKNOWN_SIZE:
+    if size != UNKNOWN_SIZE and not cropped:
         _refuse_far_centre(K, size)
 
 

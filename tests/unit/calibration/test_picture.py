@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration import CameraModel
+from calibration import CameraModel, read_camera, write_camera
 from calibration.camera import project
 from calibration.foundation.errors import UsageError
 from calibration.picture import Area, Picture, fitted, for_pictures, scaled, turned
@@ -121,3 +121,9 @@ def test_for_a_video_of_the_same_shape_it_is_scaled_and_turned_by_the_tag():
         for_pictures(camera, Picture(size=(1920, 1080)), **NAMES)
     part = Area(crop=(0, 25, 800, 450), of=(800, 500))
     assert for_pictures(camera, Picture(size=(1920, 1080)), crop=part, **NAMES).image_size == (1920, 1080)
+
+
+def test_the_file_of_a_corner_of_the_picture_is_read_again(tmp_path):
+    corner = scaled(CAMERA, Area(crop=(0, 0, 400, 250), of=(800, 500)), (400, 250))
+    write_camera(tmp_path / "corner.json", corner)
+    assert read_camera(tmp_path / "corner.json").K[0, 2] == 410
