@@ -8,7 +8,8 @@ from calibration.board import Board
 from calibration.detect import find_board, looks_like
 from calibration.refine import refined
 from calibration.squares import edge_blur_px
-from tests.scenes.calibration import BOARD, camera, poses, render, rendered_photos, true_corners
+from pipeline.synthetic.board_views import camera, poses, render, true_corners
+from tests.scenes.calibration import BOARD, rendered_photos
 
 
 @cache

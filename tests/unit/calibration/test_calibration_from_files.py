@@ -11,7 +11,8 @@ from calibration.exif import exif_of
 from calibration.foundation.errors import InputFileError, UsageError
 from calibration.from_files import spread_out
 from calibration.photos import find_photos, read_photo
-from tests.scenes.calibration import BOARD, camera, computed_views, rendered_photos
+from pipeline.synthetic.board_views import camera
+from tests.scenes.calibration import BOARD, computed_views, rendered_photos
 
 
 @pytest.fixture(scope="session")
