@@ -21,7 +21,7 @@ import cv2
 from pipeline.records import Box
 from pipeline.synthetic.moving_cars import first_box, render, scene, write
 from pipeline.tracking import track_video
-from pipeline.tracking.video import opened_to_the_end
+from pipeline.tracking.video.frames import opened_to_the_end
 
 SEED = 5
 
