@@ -40,16 +40,16 @@ def listing() -> str:
 
 def run_one(check: Check, more: tuple[str, ...] = ()) -> dict[str, object]:
     """Runs a check in a process of its own, what it prints going on to ours, and returns its record."""
-    arguments = (*check.arguments, *more)
-    command = [sys.executable, "-m", f"scripts.validation.{check.module}", *arguments]
     with tempfile.TemporaryDirectory() as scratch:
         told = Path(scratch) / "figures.json"
         began = time.perf_counter()
-        done = subprocess.run(command, cwd=ROOT, env={**os.environ, FILE: str(told)}, check=False)
+        done = subprocess.run(
+            [sys.executable, *check.program, *more], cwd=ROOT, env={**os.environ, FILE: str(told)}, check=False
+        )
         seconds = time.perf_counter() - began
         figures = json.loads(told.read_text()) if told.exists() else {}
     return {
-        "command": " ".join(["python -m", f"scripts.validation.{check.module}", *check.arguments]),
+        "command": " ".join(["python", *check.program]),
         "day": date.today().isoformat(),
         "version": version("runningfix"),
         "cores": os.cpu_count(),

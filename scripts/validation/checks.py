@@ -21,6 +21,11 @@ class Check:
     says: str
     needs: str = ""
 
+    @property
+    def program(self) -> tuple[str, ...]:
+        """What follows `python`."""
+        return ("-m", f"scripts.validation.{self.module}", *self.arguments)
+
 
 CHECKS = (
     Check(
