@@ -11,7 +11,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from calibration.board import Board
+from calibration.boards.board import Board
 from calibration.camera import CameraModel, Lens, project, unproject
 from calibration.foundation.arrays import Floats
 

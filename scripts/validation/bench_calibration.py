@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from calibration import Board
-from calibration.detect import find_board
+from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
 from pipeline.synthetic.board_views import camera, poses, render, true_corners
 

@@ -65,7 +65,7 @@ def write_logs(folder: Path) -> tuple[Path, Path]:
 
 def with_gyros(content: bytes) -> bytes:
     """IMU at 400 Hz between a DataFlash log's own messages."""
-    from pipeline.telemetry.dataflash_layout import layouts_of
+    from pipeline.telemetry.dataflash.messages.layout import layouts_of
 
     kinds = layouts_of(content, upto=len(content))
     form = struct.Struct("<QBfffffffBBHH")
@@ -91,7 +91,7 @@ def with_gyros(content: bytes) -> bytes:
 
 def ours_tlog(path: Path) -> object:
     """Wanted messages as columns."""
-    from pipeline.telemetry.mavlink_fast import read_mavlink_fast
+    from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
 
     return read_mavlink_fast(path)
 
@@ -105,7 +105,7 @@ def ours_tlog_poses(path: Path) -> object:
 
 def ours_bin(path: Path) -> object:
     """Wanted messages as columns."""
-    from pipeline.telemetry.dataflash import read_dataflash
+    from pipeline.telemetry.dataflash.messages.read import read_dataflash
 
     return read_dataflash(path)
 
@@ -114,7 +114,7 @@ def theirs_tlog(path: Path) -> list[object]:
     """The same messages by pymavlink."""
     from pymavlink import mavutil
 
-    from pipeline.telemetry.mavlink_names import WANTED
+    from pipeline.telemetry.mavlink.packets.names import WANTED
 
     link, found = mavutil.mavlink_connection(str(path)), []
     while (message := link.recv_match(type=list(WANTED))) is not None:
@@ -126,7 +126,7 @@ def theirs_bin(path: Path) -> list[object]:
     """The same messages by DFReader."""
     from pymavlink import DFReader
 
-    from pipeline.telemetry.dataflash import WANTED
+    from pipeline.telemetry.dataflash.messages.read import WANTED
 
     reader, found = DFReader.DFReader_binary(str(path)), []
     while (message := reader.recv_match(type=list(WANTED))) is not None:
@@ -236,7 +236,7 @@ def write_large(path: Path, size: int) -> int:
     """A `.tlog` of `size` bytes: the messages of a real link, each once in a cycle of 0.1 s; returns the cycles."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-    from pipeline.telemetry.mavlink_fast import layout
+    from pipeline.telemetry.mavlink.packets.fast import layout
 
     by_name = {m.msgname: m for m in dialect.mavlink_map.values()}
     parts = [(by_name[name], layout(by_name[name])) for name in (*OWN, *REST)]
@@ -254,7 +254,7 @@ def write_large(path: Path, size: int) -> int:
 
 def packed(out: np.ndarray, at: int, number: int, message, form: np.dtype, k: np.ndarray, rng) -> int:
     """One message of every cycle k into columns of `out` from `at` on; where the next begins."""
-    from pipeline.telemetry.mavlink_scan import CRC_TABLE
+    from pipeline.telemetry.mavlink.packets.scan import CRC_TABLE
 
     time_s = 100.0 + 0.1 * k
     stamp = ((1748770200.0 + time_s) * 1e6 + number * 100).astype(">u8")

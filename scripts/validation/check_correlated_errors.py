@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.records import ImageTrack, Motion, Problem, SolverSettings, Trajectory, Truth
 from pipeline.solver import solve
-from pipeline.stages.tracks import PLACE_FLOOR_PX
+from pipeline.stages.problem.priors import PLACE_FLOOR_PX
 from pipeline.synthetic.scene import Scene
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import DEMO, Noise, noisy_rays, simulate

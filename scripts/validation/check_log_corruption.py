@@ -32,9 +32,9 @@ from pipeline.synthetic.instruments import LogClock, record
 from pipeline.synthetic.mavlink_log import tlog_bytes
 from pipeline.synthetic.simulate import DEMO
 from pipeline.telemetry import inspect_log, read_log, read_pose_table
-from pipeline.telemetry.dataflash import read_dataflash
-from pipeline.telemetry.dataflash_layout import layouts_of
-from pipeline.telemetry.mavlink_fast import read_mavlink_fast
+from pipeline.telemetry.dataflash.messages.layout import layouts_of
+from pipeline.telemetry.dataflash.messages.read import read_dataflash
+from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
 
 KINDS = ("bit flips", "inserted garbage", "dropped bytes", "cut frames", "truncation")
 HANG_S, MEMORY_BYTES = 30, 3 << 30

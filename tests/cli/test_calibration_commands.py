@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration import Board, read_camera
-from calibration.charuco import charuco_board
+from calibration.boards.charuco import charuco_board
 from pipeline.cli.main import main
 from pipeline.synthetic.board_views import camera, poses, true_corners
 from tests.scenes.calibration import rendered_photos

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.board import Board
+from calibration.boards.board import Board
+from calibration.boards.view import BoardView
 from calibration.camera import CameraModel
-from calibration.views import BoardView
 from pipeline.synthetic.board_views import poses, render, true_corners
 
 BOARD = Board(cols=9, rows=6, square_m=0.025)
