@@ -78,3 +78,12 @@ def test_the_readme_is_two_screens():
 def test_links_lead_somewhere(source):
     links = re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", source.read_text(encoding="utf-8"))
     assert not [link for link in links if not (source.parent / link).exists()]
+
+
+def test_the_places_that_the_architecture_names_exist():
+    places = re.findall(r"`((?:pipeline|calibration)/[\w/.]+)`", DOCS["architecture"])
+    assert len(places) > 20
+    assert not [place for place in places if not (ROOT / place).exists()]
+    drawn = re.findall(r"^    ((?:\w+/)+\w*(?:\.py)?)\s", DOCS["architecture"], re.MULTILINE)
+    assert len(drawn) > 20
+    assert not [place for place in drawn if not ((ROOT / place).exists() or (ROOT / "pipeline" / place).exists())]
