@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.records import Finding, OffsetCandidate, Results
+from pipeline.records import Finding, OffsetCandidate, Reason, Results, Verdict
 from pipeline.report.summary import header, remarks, typical_sigma_m, verdict
 from tests.scenes.report import fake_results
 
@@ -29,11 +29,15 @@ def test_the_verdict_says_what_was_found_and_how_sure():
     assert "uav2 started 1.600 \u00b1 0.004\u00a0s after uav1." in words
 
 
+DOUBT = Reason(kind="unit-weight", subject="", words="residuals are twice too large", advice="look at the tracks")
+DOUBTED = Verdict(grade="care", reasons=(DOUBT,))
+
+
 @pytest.mark.parametrize(
     ("change", "but"),
     [
         (lambda r: r, "further from the truth than claimed"),
-        (lambda r: solved(unjudged(r), chi_square=8000.0), "the residuals are larger than their sigmas promise"),
+        (lambda r: solved(unjudged(r), verdict=DOUBTED), "something speaks against it, see the reasons"),
         (
             lambda r: solved(
                 unjudged(r), offset_candidates=tuple(OffsetCandidate(offset_s={}, cost=c) for c in (1, 3))
@@ -46,6 +50,13 @@ def test_a_converged_answer_that_is_contradicted_is_not_called_good(change, but)
     grade, words = verdict(change(fake_results()))
     assert grade == "care"
     assert words.startswith(f"Converged, but {but}: 4 targets")
+
+
+def test_what_contradicts_itself_is_not_to_be_used():
+    judged = solved(unjudged(fake_results()), verdict=dataclasses.replace(DOUBTED, grade="bad"))
+    assert verdict(judged)[0] == "bad"
+    assert verdict(judged)[1].startswith("Do not use this")
+    assert remarks(judged)[0].words == "residuals are twice too large. Look at the tracks."
 
 
 def test_a_camera_that_started_earlier_is_said_so():
