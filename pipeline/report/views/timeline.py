@@ -31,9 +31,9 @@ def timeline_figure(results: Results) -> Html:
             rows.append(tag("p", camera, class_="camera-row"))
             rows += [_row(results, t, low, high) for t in own]
     keys = (
-        key("interval", "tracked", "M1 6H23"),
-        key("interval again", "tracked again after a loss"),
-        key("interval lost", "lost"),
+        key("spell", "tracked", "M1 6H23"),
+        key("spell again", "tracked again after a loss"),
+        key("spell lost", "lost"),
     )
     legend = tag("ul", *(tag("li", k) for k in keys), class_="legend c-ink")
     board = tag(
@@ -46,7 +46,7 @@ def _row(results: Results, track: ImageTrack, low: float, high: float) -> Html:
     bars = []
     for interval in state_intervals(results, track):
         a, b = ((t - low) / (high - low) * UNITS for t in (interval.start_s, interval.end_s))
-        kind = {LOST: "interval lost", REACQUIRED: "interval again"}.get(interval.state, "interval")
+        kind = {LOST: "spell lost", REACQUIRED: "spell again"}.get(interval.state, "spell")
         bars.append(tag("path", d=f"M{number(a, 1)} 5H{number(max(b, a + 1), 1)}", class_=kind))
     seen = int(np.count_nonzero(track.seen))
     words = f"{track.target} in {track.camera}: {seen} fixes in {len(track.frame)} frames"

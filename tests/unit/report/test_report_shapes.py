@@ -1,4 +1,4 @@
-"""Ellipses, labels, thinning and spells: what the figures are made of."""
+"""Ellipses, labels, thinning and state_intervals: what the figures are made of."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.records import LOST, REACQUIRED, TRACKED
 from pipeline.report.charts.ellipses import ellipse_path, enlargement
 from pipeline.report.charts.placing import place
 from pipeline.report.data import participants
-from pipeline.report.data.visibility import losses, spells, times_seen
+from pipeline.report.data.visibility import losses, state_intervals, times_seen
 from tests.scenes.report import fake_results
 
 SIGHTING_ARRAYS = ("time_s", "residual_px", "residual_sigma", "position_enu_m")
@@ -58,7 +58,7 @@ def test_thinning_keeps_both_ends(n, limit):
 def test_spells_follow_the_states():
     results = fake_results()
     track = results.tracks[0]
-    found = spells(results, track)
+    found = state_intervals(results, track)
     assert [s.state for s in found] == [TRACKED, LOST, REACQUIRED]
     assert all(a.end_s == b.start_s for a, b in pairwise(found))
     assert losses(results, track.target) == 2
@@ -74,7 +74,7 @@ def test_a_gap_in_the_frames_is_a_loss():
         **{k: getattr(track, k)[keep] for k in ("frame", "time_s", "xy_px", "sigma_px")},
         state=np.zeros(len(keep), int),
     )
-    found = spells(results, cut)
+    found = state_intervals(results, cut)
     assert [s.state for s in found] == [TRACKED, LOST, REACQUIRED]
     assert found[1].start_s == pytest.approx(49 / 25)
     assert found[1].end_s == pytest.approx(90 / 25)
