@@ -28,6 +28,7 @@ def read_log(
     path: Path,
     *,
     system: int | None = None,
+    gimbal: int | None = None,
     dialect: str = "",
     excerpts: tuple[Excerpt, ...] = (),
     progress: Progress = None,
@@ -36,7 +37,8 @@ def read_log(
 
     With `excerpts` at least they are in it whole, and of the rest a sample, where the format (`.tlog` by the fast
     reader, binary DataFlash) and the log (`read_excerpts`) allow; else everything is.
-    `system` picks one vehicle of a MAVLink link by its system id. `dialect` names a pymavlink dialect or a file of
+    `system` picks one vehicle of a MAVLink link by its system id, `gimbal` one gimbal of a vehicle: by its device or
+    component, in DataFlash and PX4 logs by its instance. `dialect` names a pymavlink dialect or a file of
     message definitions (.xml) for MAVLink; "" is ardupilotmega, with the common messages, by the fast reader.
     `progress` is called with the share done, 0 to 1.
 
@@ -44,19 +46,19 @@ def read_log(
     such dialect.
     """
     kind = log_format(path)
-    reader = _piece_reader(path, kind, system, dialect) if excerpts else None
+    reader = _piece_reader(path, kind, system, gimbal, dialect) if excerpts else None
     excerpt = None if reader is None else read_excerpts(reader, excerpts)
     if excerpt is not None:
         return excerpt
     match kind:
         case "tlog" | "mavlink":
-            return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system)
+            return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system, gimbal=gimbal)
         case "ulog":
-            return read_ulog(path, progress=progress)
+            return read_ulog(path, gimbal=gimbal, progress=progress)
         case "dataflash":
-            return dataflash_flight(read_dataflash(path, progress=progress))
+            return dataflash_flight(read_dataflash(path, progress=progress), gimbal=gimbal)
         case "dataflash text":
-            return dataflash_flight(read_dataflash_text(path, progress=progress))
+            return dataflash_flight(read_dataflash_text(path, progress=progress), gimbal=gimbal)
         case "dji srt":
             return read_dji_srt(path, progress=progress)
 
@@ -82,11 +84,13 @@ def log_format(path: Path) -> LogFormat:
     )
 
 
-def _piece_reader(path: Path, kind: LogFormat, system: int | None, dialect: str) -> PieceReader | None:
+def _piece_reader(
+    path: Path, kind: LogFormat, system: int | None, gimbal: int | None, dialect: str
+) -> PieceReader | None:
     """How the log is read in pieces; None where its format never is."""
     if kind == "tlog" and AVAILABLE and not dialect:
-        return tlog_pieces(path, system=system)
-    return dataflash_pieces(path) if kind == "dataflash" else None
+        return tlog_pieces(path, system=system, gimbal=gimbal)
+    return dataflash_pieces(path, gimbal=gimbal) if kind == "dataflash" else None
 
 
 def read_mavlink(path: Path, *, dialect: str = "", progress: Progress = None) -> RawLog:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.telemetry.dataflash.local_position import local_position
-from pipeline.telemetry.dataflash.tables import first_instance, gps_in_use, time_of
+from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, time_of
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
@@ -75,7 +75,7 @@ def _undulation(raw: RawLog) -> Undulation | None:
 
     ArduPilot counts Und from mean sea level up to the ellipsoid: the negative of the geoid's height above it.
     """
-    gpa, gps = first_instance(raw.table("GPA")), gps_in_use(raw)
+    gpa, gps = accuracy_in_use(raw), gps_in_use(raw)
     if gpa is None or gps is None:
         return None
     if "Und" in gpa:

@@ -37,3 +37,13 @@ def gps_in_use(raw: RawLog) -> MessageTable | None:
     if table is not None and "U" in table and (table.floats("U") == 1).any():
         return table.only(np.asarray(table.floats("U") == 1))
     return first_instance(table)
+
+
+def accuracy_in_use(raw: RawLog) -> MessageTable | None:
+    """GPA of the receiver in use, by the instance of most of its messages; else of the first."""
+    table, gps = raw.table("GPA"), gps_in_use(raw)
+    if table is not None and gps is not None and "I" in table and "I" in gps:
+        mine = table.only(np.asarray(table.floats("I") == np.median(gps.floats("I"))))
+        if len(mine):
+            return mine
+    return first_instance(table)

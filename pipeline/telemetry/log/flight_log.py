@@ -32,6 +32,7 @@ class PositionSeries:
     time_s    (n,) log time, non-decreasing
     lat_rad, lon_rad, height_m  (n,); NaN where the message has no valid fix
     velocity_ned_mps  (n, 3); NaN where unknown
+    above_home_m      (n,) above the take-off place where the log says it too; NaN where not
     """
 
     source: str
@@ -42,12 +43,15 @@ class PositionSeries:
     lon_rad: Floats
     height_m: Floats
     velocity_ned_mps: Floats
+    above_home_m: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         for name in ("time_s", "lat_rad", "lon_rad", "height_m"):
             settle(self, **{name: frozen(getattr(self, name), (n,), name)})
         settle(self, velocity_ned_mps=frozen(self.velocity_ned_mps, (n, 3), "velocity_ned_mps"))
+        above_home = self.above_home_m if len(self.above_home_m) else np.full(n, np.nan)
+        settle(self, above_home_m=frozen(above_home, (n,), "above_home_m"))
 
     @property
     def valid(self) -> Bools:
@@ -147,7 +151,9 @@ class Accuracy:
 class FlightLog:
     """One vehicle's flight log.
 
-    system, component   of the chosen autopilot; None where the format has no such thing
+    system, component   of the chosen autopilot; None where the format, or the log, does not say it
+    systems             every vehicle in it that gives positions; empty where the format carries one only
+    gimbals             every gimbal in it, as the flight file's key `gimbal` names them, where their attitudes differ
     counts              message name -> how many whole messages, of every sender
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, and which message says so
@@ -162,6 +168,8 @@ class FlightLog:
     format: LogFormat
     system: int | None = None
     component: int | None = None
+    systems: tuple[int, ...] = ()
+    gimbals: tuple[int, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     corrupt_packets: int = 0
     position: PositionSeries | None = None
