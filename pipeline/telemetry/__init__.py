@@ -5,6 +5,7 @@ from pipeline.telemetry.camera_pose.from_table import PoseTable, is_pose_table, 
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
 from pipeline.telemetry.camera_pose.sigma import log_sigma
 from pipeline.telemetry.excerpts.excerpt import Excerpt
+from pipeline.telemetry.heights.takeoff import with_takeoff
 from pipeline.telemetry.inspection import Inspection, inspect_log
 from pipeline.telemetry.log.flight_log import (
     Accuracy,
@@ -48,4 +49,5 @@ __all__ = [
     "resolve_start",
     "table_poses",
     "utc_at",
+    "with_takeoff",
 ]

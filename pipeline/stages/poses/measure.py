@@ -12,7 +12,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import UsageError
 from calibration.foundation.progress import Progress, silent
-from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight, MountSettings
+from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight
 from pipeline.geometry import rotation
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
 from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock
@@ -92,7 +92,7 @@ def _from_log(
     progress: Progress,
 ) -> MeasuredPoses:
     log, where = sources.logs[camera.name], flight.key(camera.name, "telemetry")
-    mount, lever, origin = _mount(camera.mount), np.array(camera.lever_arm_m), sources.origin
+    mount, lever, origin = _mount(camera), np.array(camera.lever_arm_m), sources.origin
     assert origin is not None
     notes = log.notes
     found: FoundStart | None = None
@@ -154,7 +154,7 @@ def _whole_log(
     begin, end = log_span(log)
     start = begin if camera.start is None else _start(flight, camera, log)
     frame = np.arange(int((end - start) * rate) + 1)
-    inside = covered(log, start + frame / rate, mount=_mount(camera.mount), lever_arm_m=np.array(camera.lever_arm_m))
+    inside = covered(log, start + frame / rate, mount=_mount(camera), lever_arm_m=np.array(camera.lever_arm_m))
     missing = int((~inside).sum())
     notes = (
         (f"{missing} of {len(frame)} moments left out, where the log has a gap",) if missing and inside.any() else ()
@@ -219,5 +219,12 @@ def _utc_sigma_s(log_sigma_s: float, found: FoundStart | None) -> float:
     return float(np.hypot(log_sigma_s, found.sigma_s))
 
 
-def _mount(mount: MountSettings) -> Mount:
-    return Mount(yaw_rad=mount.yaw_rad, pitch_rad=mount.pitch_rad, roll_rad=mount.roll_rad, gimbal=mount.gimbal)
+def _mount(camera: CameraSettings) -> Mount:
+    mount, correction = camera.mount, camera.mount_correction
+    return Mount(
+        yaw_rad=mount.yaw_rad,
+        pitch_rad=mount.pitch_rad,
+        roll_rad=mount.roll_rad,
+        gimbal=mount.gimbal,
+        correction_rad=(correction.yaw_rad, correction.pitch_rad, correction.roll_rad),
+    )

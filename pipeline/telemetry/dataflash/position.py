@@ -54,6 +54,7 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
         lon_deg=lon_deg,
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=velocity,
+        above_home_m=table.floats("RelHomeAlt" if "RelHomeAlt" in table else "RelAlt"),
     )
 
 

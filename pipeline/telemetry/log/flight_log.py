@@ -158,6 +158,7 @@ class FlightLog:
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, and which message says so
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
+    takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
     notes               one sentence each: what a careful reader should know
     excerpt_s           the log time that was read whole, where the rest was only sampled (`counts` and series hold what
                         was read); None where all of it was
@@ -180,6 +181,7 @@ class FlightLog:
     utc: ClockModel | None = None
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
+    takeoff_given: bool = False
     notes: tuple[str, ...] = ()
     excerpt_s: tuple[float, float] | None = None
     bytes_read: int = 0

@@ -50,6 +50,7 @@ def _position_of(vehicle: Vehicle, table: MessageTable, undulation: Undulation |
         lon_deg=lon_deg,
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=_velocity(table),
+        above_home_m=table.floats("relative_alt") / 1000,
     )
 
 
