@@ -1,6 +1,6 @@
 """A whole flight over the Python API: every stage, resumed where it was stopped, then where each target went.
 
-usage: python scripts/process_flight.py flight.toml out/
+usage: python scripts/examples/process_flight.py flight.toml out/
 """
 
 import sys

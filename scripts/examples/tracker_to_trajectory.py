@@ -1,6 +1,6 @@
 """From tracker to trajectory, step by step: the records in between are yours to look at or to replace.
 
-usage: python scripts/tracker_to_trajectory.py flight.toml
+usage: python scripts/examples/tracker_to_trajectory.py flight.toml
 """
 
 import sys

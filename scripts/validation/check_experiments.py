@@ -1,6 +1,6 @@
 """Every experiment flown, and what they must show: seconds, the verdict on map, ratios with their 95 % intervals.
 
-usage: python scripts/check_experiments.py [RUNS [JOBS [OUT [NAME ...]]]]     (default 1000 2 experiments, all)
+usage: python -m scripts.validation.check_experiments [RUNS [JOBS [OUT [NAME ...]]]]     (default 1000 2 runs, all)
 
 Ends with 1 where another method is nearer the truth than map in a cell, or map's error is 8 % above the bound, beyond
 the Monte Carlo error.

@@ -1,6 +1,6 @@
 """What tracking is worth in the answer: a rendered flight solved with raw KCF centres and with ours, poses RTK-grade.
 
-usage: python scripts/check_tracking_effect.py [FLIGHT_FOLDER]        (default data/flight)
+usage: python -m scripts.validation.check_tracking_effect [FLIGHT_FOLDER]        (default data/flight)
 
 Both solve the same flight with the same settings. The measured poses are the true ones disturbed by 2 cm and 0.02
 degrees (constant) and 1 cm and 0.01 degrees (frame by frame). KCF starts at the same boxes, as OpenCV ships it.

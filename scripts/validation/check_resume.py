@@ -1,6 +1,6 @@
 """Kills `runningfix run` at random moments, starts it again, and compares with an undisturbed run byte by byte.
 
-usage: python scripts/check_resume.py flight.toml [KILLS] [SEED]        (default 10 kills)
+usage: python -m scripts.validation.check_resume flight.toml [KILLS] [SEED]        (default 10 kills)
 """
 
 import random

@@ -1,6 +1,6 @@
 """Finding the board: ours beside OpenCV's two ways, in one run.
 
-usage: python scripts/bench_calibration.py [--rounds 7] [--only 720p] [--threads 0]
+usage: python -m scripts.validation.bench_calibration [--rounds 7] [--only 720p] [--threads 0]
 
 One thread each and CPU time, or, with `--threads 0`, wall time with as many threads as OpenCV takes by itself (ours
 calls OpenCV too, so the same holds for all three); `calibrate` searches several photos at once besides.
@@ -13,20 +13,16 @@ by all three, several rounds, and a view's time is its median; ours checks every
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 from calibration import Board
 from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
-from tests.scenes.calibration import camera, poses, render, true_corners
+from pipeline.synthetic.board_views import camera, poses, render, true_corners
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)
 LENS = (-0.28, 0.09, 0.0008, -0.0006, -0.01)

@@ -1,6 +1,6 @@
 """Board photos -> camera.json, over the Python API.
 
-usage: python scripts/calibrate_camera.py PHOTOS_FOLDER camera.json [9x6] [25]
+usage: python scripts/examples/calibrate_camera.py PHOTOS_FOLDER camera.json [9x6] [25]
 """
 
 import sys

@@ -1,6 +1,6 @@
 """The demo's scene with drawn tracks and poses, no video: mean position error of every method over some seeds.
 
-usage: python scripts/check_demo_order.py [SEEDS]        (default 10)
+usage: python -m scripts.validation.check_demo_order [SEEDS]        (default 10)
 """
 
 import sys
@@ -14,6 +14,7 @@ from pipeline.records.problem import Method
 from pipeline.solver import solve
 from pipeline.synthetic.demo_scenes import demo_scene
 from pipeline.synthetic.simulate import DEMO, simulate
+from scripts.validation.figures import tell
 
 METHODS: tuple[Method, ...] = ("intersection", "li", "algorithm-1", "algorithm-2", "map")
 
@@ -48,7 +49,9 @@ def main(seeds: int = 10) -> None:
     print("seed  " + "".join(f"{m:>14}" for m in METHODS) + "   (mean error, m)")
     for seed, row in enumerate(rows):
         print(f"{seed:<6}" + "".join(f"{row[m]:>14.3f}" for m in METHODS))
-    print("mean  " + "".join(f"{np.mean([row[m] for row in rows]):>14.3f}" for m in METHODS))
+    means = {m: float(np.mean([row[m] for row in rows])) for m in METHODS}
+    print("mean  " + "".join(f"{means[m]:>14.3f}" for m in METHODS))
+    tell({"flights": seeds, "mean_error_m": means})
 
 
 if __name__ == "__main__":

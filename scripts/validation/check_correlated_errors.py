@@ -1,6 +1,6 @@
 """Whether claimed sigmas hold where errors of tracked centres last: flights solved, error over sigma.
 
-usage: python scripts/check_correlated_errors.py [--runs 60]
+usage: python -m scripts.validation.check_correlated_errors [--runs 60]
 
 Two cameras, 10 s at 25 Hz, four targets of order 2. Errors of the centres are put together from parts, each drawn anew
 for every camera and target (`Errors`); the first two are what `check_tracking.py` and the flight of `data/` show, the
@@ -10,14 +10,11 @@ the cluster-robust one (sandwich).
 """
 
 import argparse
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from pipeline.records import ImageTrack, Motion, Problem, SolverSettings, Trajectory, Truth
 from pipeline.solver import solve
 from pipeline.stages.problem.priors import PLACE_FLOOR_PX

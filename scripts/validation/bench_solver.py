@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Times the solver against its peers on the same problem: Ceres (automatic differentiation, Schur complement) and Li.
 
-usage: bench_solver.py [--peer CERES_MAP] [--sizes 2x50x4,4x1500x4,8x3000x8] [--order 2] [--repeats 5] [--li] [--json]
+usage: python -m scripts.validation.bench_solver [--peer CERES_MAP] [--sizes 2x50x4,4x1500x4,8x3000x8] [--order 2]
+           [--repeats 5] [--li] [--json]
 
 CERES_MAP is a program that reads a problem file and prints one JSON object (seconds, iterations, cost, clock, motion);
 where it is missing the table says so. Sizes are cameras x frames x targets. One thread; kernels warm; best of repeats.
@@ -204,5 +205,9 @@ def main() -> None:
 if __name__ == "__main__":
     if os.environ.get("OMP_NUM_THREADS") != "1":  # libraries read it when they are loaded: start again with it
         one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **one})
+        os.execve(
+            sys.executable,
+            [sys.executable, "-m", "scripts.validation.bench_solver", *sys.argv[1:]],
+            {**os.environ, **one},
+        )
     main()

@@ -1,7 +1,7 @@
 """Tracking against decoding alone, interleaved in one run on the same 720p video; and memory over a long video.
 
-usage: python scripts/bench_tracking.py [--rounds 7] [--crf 15] [--video FILE --box X,Y,W,H ...]
-       python scripts/bench_tracking.py --minutes 30     memory over that long a video (480 x 270, two targets)
+usage: python -m scripts.validation.bench_tracking [--rounds 7] [--crf 15] [--video FILE --box X,Y,W,H ...]
+       python -m scripts.validation.bench_tracking --minutes 30     memory over a long video (480 x 270, two targets)
 
 Without --video a scene with four cars is rendered and compressed by H.264 (extra `demo`). A round decodes the video
 with OpenCV as it comes, tracks one target, tracks all, and decodes with as many threads as tracking lets FFmpeg have;
@@ -11,7 +11,6 @@ ratios are of each round's decoding as it comes, their median is told.
 import argparse
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -19,11 +18,10 @@ from pathlib import Path
 
 import cv2
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from pipeline.records import Box
+from pipeline.synthetic.moving_cars import first_box, render, scene, write
 from pipeline.tracking import track_video
 from pipeline.tracking.video.frames import opened_to_the_end
-from tests.scenes.moving import first_box, render, scene, write
 
 SEED = 5
 

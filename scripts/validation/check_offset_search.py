@@ -1,6 +1,6 @@
 """Random flights with unknown clocks: how often does the global search find the right basin, and in what time?
 
-usage: python scripts/check_offset_search.py [--scenes 100] [--first-seed 0] [--verbose]
+usage: python -m scripts.validation.check_offset_search [--scenes 100] [--first-seed 0] [--verbose]
 
 Each flight: two moving cameras on curved paths about 300 m from one to four targets that move as polynomials of order
 1 or 2; 20 s at 10 to 25 Hz; the tracks overlap by at least a third; offset uniform in +-60 s; the second camera's

@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import cv2
@@ -16,9 +17,14 @@ import numpy as np
 
 from pipeline.records import Box
 
+FINE = 6
+Random = np.random.Generator
+
 
 @dataclass(frozen=True, kw_only=True)
 class Car:
+    """A car seen from above, and its way."""
+
     name: str
     look: np.ndarray  # (h, w, 4) BGRA, `FINE` pixels for a ground pixel
     place: np.ndarray  # (frames, 2) ground
@@ -28,6 +34,8 @@ class Car:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
+    """A ground with cars on it and bridges over them, and how the camera sees it in every frame."""
+
     size: tuple[int, int]
     image_from_ground: np.ndarray  # (frames, 3, 3)
     ground: np.ndarray
@@ -41,10 +49,8 @@ class Scene:
 
     @property
     def frames(self) -> int:
+        """How many."""
         return len(self.image_from_ground)
-
-
-FINE = 6
 
 
 def scene(
@@ -93,10 +99,20 @@ def scene(
     )
 
 
-def _plausible_car(rng, others, name, length, maps, size, *more) -> Car:
+def _plausible_car(
+    rng: Random,
+    others: list[Car],
+    name: str,
+    length: float,
+    maps: np.ndarray,
+    size: tuple[int, int],
+    index: int,
+    count: int,
+    speed_px: float,
+) -> Car:
     """A car that neither spins nor flies nor leaves the image nor runs into another; else the last one tried."""
     for _ in range(200):
-        car = _car(rng, name, length, maps, size, *more)
+        car = _car(rng, name, length, maps, size, index, count, speed_px)
         speed = np.hypot(*np.gradient(car.place, axis=0).T).max() / car.size[0] * 25
         turn = np.abs(np.gradient(car.heading)).max() * 25
         outline = np.concatenate([_placed(maps[f], car, f) for f in range(0, len(maps), 5)])
@@ -107,7 +123,16 @@ def _plausible_car(rng, others, name, length, maps, size, *more) -> Car:
     return car
 
 
-def _car(rng, name, length, maps, size, index, count, speed) -> Car:
+def _car(
+    rng: Random,
+    name: str,
+    length: float,
+    maps: np.ndarray,
+    size: tuple[int, int],
+    index: int,
+    count: int,
+    speed: float,
+) -> Car:
     frames = len(maps)
     width, height = size
     spot = np.array([width * (0.3 + 0.4 * rng.random()), height * (index + 0.7) / (count + 0.4)])
@@ -129,7 +154,7 @@ def _car(rng, name, length, maps, size, index, count, speed) -> Car:
     )
 
 
-def _look(rng, length) -> np.ndarray:
+def _look(rng: Random, length: float) -> np.ndarray:
     w, h = round(length * FINE), round(length * 0.55 * FINE)
     base = rng.uniform(30, 225, 3) * 0.6 + rng.uniform(30, 225) * 0.4
     look = np.tile(base, (h, w, 1))
@@ -146,7 +171,7 @@ def _look(rng, length) -> np.ndarray:
     return np.concatenate([look, alpha], axis=2).astype(np.float32)
 
 
-def _free_bridge(rng, cars: list[Car], own: int, hidden: int) -> np.ndarray:
+def _free_bridge(rng: Random, cars: list[Car], own: int, hidden: int) -> np.ndarray:
     """A bridge over one car that leaves the others in view, where there is one."""
     for _ in range(30):
         bridge = _bridge(rng, cars[own], hidden)
@@ -159,7 +184,7 @@ def _free_bridge(rng, cars: list[Car], own: int, hidden: int) -> np.ndarray:
     return bridge
 
 
-def _bridge(rng, car: Car, hidden: int) -> np.ndarray:
+def _bridge(rng: Random, car: Car, hidden: int) -> np.ndarray:
     """A strip across the car's way in the middle third of the flight, wide enough to hide it for about `hidden`."""
     frames = len(car.place)
     at = int(frames * rng.uniform(0.4, 0.7))
@@ -173,7 +198,7 @@ def _bridge(rng, car: Car, hidden: int) -> np.ndarray:
     return np.array([centre + a * along + b * across for a, b in corners])
 
 
-def _ground(rng, maps, size) -> tuple[np.ndarray, np.ndarray]:
+def _ground(rng: Random, maps: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([[0, 0], [size[0], 0], [0, size[1]], [size[0], size[1]]], float)
     seen = np.concatenate([[_apply(np.linalg.inv(m), c) for c in corners] for m in maps[:: max(1, len(maps) // 20)]])
     low, high = np.floor(seen.min(axis=0)) - 60, np.ceil(seen.max(axis=0)) + 60
@@ -191,16 +216,16 @@ def _ground(rng, maps, size) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(ground, 0, 255), low
 
 
-def _apply(homography, point) -> np.ndarray:
+def _apply(homography: np.ndarray, point: np.ndarray) -> np.ndarray:
     p = homography @ np.array([point[0], point[1], 1.0])
-    return p[:2] / p[2]
+    return np.asarray(p[:2] / p[2])
 
 
 def image_from_car(scene: Scene, car: Car, f: int) -> np.ndarray:
     """Homography from car axes (ground pixels, origin at its middle, x forward) to the image."""
     c, s = np.cos(car.heading[f]), np.sin(car.heading[f])
     x, y = car.place[f]
-    return scene.image_from_ground[f] @ np.array([[c, -s, x], [s, c, y], [0, 0, 1.0]])
+    return np.asarray(scene.image_from_ground[f] @ np.array([[c, -s, x], [s, c, y], [0, 0, 1.0]]))
 
 
 def _outline(scene: Scene, car: Car, f: int) -> np.ndarray:
@@ -217,6 +242,7 @@ def _placed(image_from_ground: np.ndarray, car: Car, f: int) -> np.ndarray:
 
 
 def first_box(scene: Scene, car: Car, f: int = 0, slack: float = 0.0) -> Box:
+    """The box around a car in frame `f`, `slack` pixels wider on every side."""
     outline = _outline(scene, car, f)
     low, high = outline.min(axis=0) - slack, outline.max(axis=0) + slack
     return Box(frame=f, x=low[0] + 0.5, y=low[1] + 0.5, width=high[0] - low[0], height=high[1] - low[1])
@@ -262,11 +288,11 @@ def render(scene: Scene) -> Iterator[np.ndarray]:
             _cover(image, scene, bridge, f)
         image = cv2.GaussianBlur(image, (0, 0), scene.blur)
         a, b = rng.integers(0, 64, 2)
-        image += noise[a : a + scene.size[1], b : b + scene.size[0]]
-        yield np.clip(np.rint(image), 0, 255).astype(np.uint8)
+        grain = noise[a : a + scene.size[1], b : b + scene.size[0]]
+        yield np.clip(np.rint(np.add(image, grain)), 0, 255).astype(np.uint8)
 
 
-def _draw(image, scene: Scene, car: Car, f: int, fine: int = 4) -> None:
+def _draw(image: np.ndarray, scene: Scene, car: Car, f: int, fine: int = 4) -> None:
     outline = _outline(scene, car, f)
     left, top = np.maximum(np.floor(outline.min(axis=0)).astype(int) - 2, 0)
     right, bottom = np.minimum(np.ceil(outline.max(axis=0)).astype(int) + 3, scene.size)
@@ -285,7 +311,7 @@ def _draw(image, scene: Scene, car: Car, f: int, fine: int = 4) -> None:
     piece[:] = piece * (1 - alpha) + drawn[:, :, :3]
 
 
-def _cover(image, scene: Scene, bridge, f: int) -> None:
+def _cover(image: np.ndarray, scene: Scene, bridge: np.ndarray, f: int) -> None:
     polygon = np.array([_apply(scene.image_from_ground[f], p) for p in bridge])
     rng = np.random.default_rng(int(abs(bridge.sum())))
     mask = np.zeros(image.shape[:2], np.uint8)
@@ -318,7 +344,7 @@ def write(frames: Iterator[np.ndarray], path: Path, rate: float = 25.0, codec: s
     writer.release()
 
 
-def _write_h264(frames, path: Path, rate: float, crf: int) -> None:
+def _write_h264(frames: Iterator[np.ndarray], path: Path, rate: float, crf: int) -> None:
     import imageio_ffmpeg
 
     first = next(frames)
@@ -327,11 +353,6 @@ def _write_h264(frames, path: Path, rate: float, crf: int) -> None:
     command += ["-preset", "fast", "-threads", "1", "-crf", str(crf), "-pix_fmt", "yuv420p", str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
-        for frame in (first, *frames) if not isinstance(frames, Iterator) else _chain(first, frames):
+        for frame in chain([first], frames):
             encoder.stdin.write(frame.tobytes())
         encoder.stdin.close()
-
-
-def _chain(first, rest):
-    yield first
-    yield from rest

@@ -1,6 +1,6 @@
 """Is `map` at the statistical limit? Its error over the Cramer-Rao bound, and over its own covariance, cell by cell.
 
-usage: python scripts/check_solver_limit.py [--seeds 200] [--jobs 1] [--first-seed 0] [--json]
+usage: python -m scripts.validation.check_solver_limit [--seeds 200] [--jobs 1] [--first-seed 0] [--json]
 
 The flights are those of the paper's section 3.1 (`pipeline.experiments.scenes.paper_flight`, two UAVs, 50 frames each,
 offset 5 frames, told as zero): 1 and 4 targets, order 1 and 2, high and low noise, the second camera's frame rate told

@@ -1,6 +1,7 @@
 """Tracks rendered scenes with known truth, ours and OpenCV's KCF as it comes side by side, and prints the table.
 
-usage: python scripts/check_tracking.py [--seeds 14001 14002 ...] [--keep FOLDER] [--tracker csrt] [--lossless]
+usage: python -m scripts.validation.check_tracking [--seeds 14001 14002 ...] [--keep FOLDER] [--tracker csrt]
+           [--lossless]
 
 The default seeds are ten scenes: each draws its own ground, cars of 10 to 50 px, speeds, blur, noise, one occlusion of
 5 to 25 frames per car, and is compressed by H.264 at one of two qualities. Nothing was tuned on them (7001 to 7010,
@@ -12,7 +13,6 @@ made; all cars, both axes and all pairs of frames in one pool.
 """
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -22,11 +22,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from calibration.foundation.errors import TrackingError
 from pipeline.records import TRACKERS, Box
+from pipeline.synthetic.moving_cars import Car, Scene, first_box, render, scene, truth, write
 from pipeline.tracking import TrackingSettings, track_video
-from tests.scenes.moving import Car, Scene, first_box, render, scene, truth, write
 
 HELD_OUT = tuple(range(14001, 14011))
 VISIBLE, HIDDEN, SOON_FRAMES, NEAR_PX = 0.9, 0.1, 25, 3.0

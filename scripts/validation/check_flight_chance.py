@@ -1,6 +1,6 @@
 """Coverage of a single flight is itself left to chance: how it would fall out if the claimed sigmas were exactly true.
 
-usage: python scripts/check_flight_chance.py FLIGHT.toml [--draws 300]
+usage: python -m scripts.validation.check_flight_chance FLIGHT.toml [--draws 300]
 
 A flight's errors share few causes (its cameras' given positions move all of it together), so that one flight does not
 cover 68 and 95 % even where every sigma is right. The flight is solved; errors are drawn from the claimed

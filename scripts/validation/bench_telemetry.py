@@ -1,8 +1,8 @@
 #!/usr/bin/env python
 """Log readers beside pymavlink's, in one run: warm and in fresh processes, with the values compared; and a 1 GB log.
 
-python scripts/bench_telemetry.py            # 20-minute .tlog and 30 MB DataFlash, warm, cold, identity
-python scripts/bench_telemetry.py --large    # position, attitude and gimbal out of 1 GB, and two minutes of them
+python -m scripts.validation.bench_telemetry            # 20-minute .tlog and 30 MB DataFlash, warm, cold, identity
+python -m scripts.validation.bench_telemetry --large    # position, attitude and gimbal out of 1 GB, and two minutes
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 T = TypeVar("T")
-HERE = Path(__file__).resolve()
+ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 1200.0
 
 
@@ -154,7 +154,7 @@ def warm(path: Path, readers: dict[str, Callable[[Path], object]], rounds: int) 
 COLD = {
     "ours, whole log to poses": "from pathlib import Path\nfrom pipeline.telemetry import read_log\n"
     "read_log(Path({path!r}))",
-    "pymavlink": "import sys; sys.path.insert(0, {here!r})\nfrom pathlib import Path\nimport bench_telemetry as b\n"
+    "pymavlink": "from pathlib import Path\nfrom scripts.validation import bench_telemetry as b\n"
     "b.theirs_{kind}(Path({path!r}))",
 }
 
@@ -165,8 +165,8 @@ def cold(path: Path, kind: str, rounds: int) -> dict[str, float]:
     for turn in range(rounds + 1):
         for name, code in COLD.items():
             before = os.times()
-            source = code.format(path=str(path), here=str(HERE.parent), kind=kind)
-            subprocess.run([sys.executable, "-c", source], check=True)
+            source = code.format(path=str(path), kind=kind)
+            subprocess.run([sys.executable, "-c", source], check=True, cwd=ROOT)
             after = os.times()
             if turn:  # the first one fills the caches
                 seconds[name].append(

@@ -1,6 +1,6 @@
 """Rendered photo sets with a known camera: how wrong are corners, focal length, and the claimed uncertainty?
 
-usage: python scripts/check_calibration.py [--sets 60] [--more-fisheye 24] [--keep FOLDER]
+usage: python -m scripts.validation.check_calibration [--sets 60] [--more-fisheye 24] [--keep FOLDER]
 
 Five lenses in turn, 20 photos of an 11x8 board at 800 x 600, drawn anew for each set: blur of 0.5 to 1.3 px and noise
 of 1 to 5 gray levels (each set its own), one photo smeared by 5 px, one of another zoom (2 %), one with a hand over a
@@ -19,13 +19,10 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from calibration import Board, BoardView, Calibration, CameraModel, calibrate
 from calibration.adjustment.bundle import Model
@@ -34,7 +31,7 @@ from calibration.camera import project, unproject
 from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
 from calibration.judgement.coverage import lattice, reached
-from tests.scenes.calibration import poses, render, true_corners
+from pipeline.synthetic.board_views import poses, render, true_corners
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)
 SIZE = (800, 600)

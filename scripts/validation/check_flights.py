@@ -1,6 +1,6 @@
 """The real flights, offsets unknown: errors against RTK truth, clocks, coverage of the claimed sigmas, seconds, memory.
 
-usage: python scripts/check_flights.py [FOLDER]      (default ../shared/real/multicam beside the project)
+usage: python -m scripts.validation.check_flights [FOLDER]      (default ../shared/real/multicam beside the project)
 
 FOLDER holds flight1 and flight3, each with flight.toml and truth/ (rtk.csv; reference.json with the true clocks).
 Each flight is solved by the command line in a process of its own, whose seconds and memory are printed.
