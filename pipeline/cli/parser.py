@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TypeAlias
+from typing import NoReturn, TypeAlias
+
+from calibration.foundation.errors import UsageError
 
 OUT_HELP = "folder for the results (made where it is missing)"
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose mistakes are errors like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises UsageError."""
+        raise UsageError(
+            where="command line",
+            seen=message,
+            expected=" ".join(self.format_usage().removeprefix("usage: ").split()),
+            advice=f"`{self.prog} --help` shows an example",
+        )
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser of every command."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="runningfix",
         description="3D trajectories of moving targets from unsynchronised flight video, flight logs and board photos.",
         epilog="example:\n  runningfix demo -o demo/          renders a flight with its truth, then processes it",
@@ -37,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def _command(commands: Commands, name: str, what: str, example: str) -> argparse.ArgumentParser:

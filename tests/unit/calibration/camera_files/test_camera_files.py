@@ -5,7 +5,7 @@ import pytest
 
 from calibration import FORMATS, CameraModel, read_camera, write_camera
 from calibration.foundation.errors import InputFileError, UsageError
-from tests.scenes.calibration import camera
+from pipeline.synthetic.board_views import camera
 
 GOOD = {
     "model": "pinhole",
