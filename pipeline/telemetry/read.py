@@ -13,6 +13,7 @@ from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
 from pipeline.telemetry.log.flight_log import FlightLog, LogFormat
 from pipeline.telemetry.log.mapped_file import mapped
 from pipeline.telemetry.log.tables import Progress, RawLog
+from pipeline.telemetry.log.validity import with_validity_notes
 from pipeline.telemetry.mavlink.flight import mavlink_flight
 from pipeline.telemetry.mavlink.packets.names import FIELDS
 from pipeline.telemetry.subtitles.dji import read_dji_srt
@@ -45,6 +46,12 @@ def read_log(
     Raises InputFileError where the file is missing, of no known kind, or holds no vehicle, UsageError where there is no
     such dialect.
     """
+    return with_validity_notes(_read(path, system, gimbal, dialect, excerpts, progress))
+
+
+def _read(
+    path: Path, system: int | None, gimbal: int | None, dialect: str, excerpts: tuple[Excerpt, ...], progress: Progress
+) -> FlightLog:
     kind = log_format(path)
     reader = _piece_reader(path, kind, system, gimbal, dialect) if excerpts else None
     excerpt = None if reader is None else read_excerpts(reader, excerpts)

@@ -17,7 +17,7 @@ from pipeline.telemetry.log.tables import RawLog
 
 def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
     """What a DataFlash log says of its vehicle."""
-    position = vehicle_position(raw)
+    position, height_notes = vehicle_position(raw)
     attitude = vehicle_attitude(raw)
     mount, gimbals, gimbal_notes = gimbal_attitude(raw, attitude, gimbal)
     events, source = camera_events(raw)
@@ -35,5 +35,5 @@ def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
         camera_event_source=source,
         utc=utc_clock(raw),
         accuracy=stated_accuracy(raw),
-        notes=(*raw.notes, *gimbal_notes),
+        notes=(*raw.notes, *height_notes, *gimbal_notes),
     )

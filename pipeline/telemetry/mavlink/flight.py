@@ -29,7 +29,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
     vehicle = Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=clock)
     notes += clock_notes(vehicle.clock)
     utc = utc_clock(vehicle)
-    position = vehicle_position(vehicle)
+    position, height_notes = vehicle_position(vehicle)
     attitude = vehicle_attitude(vehicle)
     mount, gimbals, gimbal_notes = gimbal_attitude(vehicle, attitude, gimbal)
     events, event_source = camera_events(vehicle, utc)
@@ -50,5 +50,5 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
         utc=utc,
         record_clock=vehicle.clock.record,
         accuracy=stated_accuracy(vehicle),
-        notes=(*raw.notes, *notes, *gimbal_notes),
+        notes=(*raw.notes, *notes, *height_notes, *gimbal_notes),
     )

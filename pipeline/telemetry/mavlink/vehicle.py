@@ -32,6 +32,14 @@ class Vehicle:
         """Whether the autopilot says that it is ArduPilot."""
         return _is_ardupilot(self.raw, (self.system, self.component))
 
+    def parameter(self, name: str) -> float | None:
+        """A parameter of the autopilot as it was sent last; None where it was not."""
+        table = self.own("PARAM_VALUE")
+        if table is None:
+            return None
+        mine = np.flatnonzero([_text(value) == name for value in table.columns["param_id"].tolist()])
+        return float(table.floats("param_value")[mine[-1]]) if len(mine) else None
+
     def own(self, name: str) -> MessageTable | None:
         """Messages of the autopilot itself."""
         return self.raw.table(name, lambda t: (t.system == self.system) & (t.component == self.component))
@@ -39,6 +47,11 @@ class Vehicle:
     def any(self, name: str) -> MessageTable | None:
         """Messages of every component of the vehicle."""
         return self.raw.table(name, lambda t: np.asarray(t.system == self.system))
+
+
+def _text(value: object) -> str:
+    raw = value.encode() if isinstance(value, str) else value
+    return bytes(raw).split(b"\0")[0].decode("ascii", "replace") if isinstance(raw, bytes) else ""
 
 
 def choose_vehicle(raw: RawLog, system: int | None) -> tuple[tuple[int, int], list[str]]:

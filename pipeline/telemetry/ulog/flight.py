@@ -28,6 +28,7 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
     topics = log.topics
     if progress is not None:
         progress(1.0)
+    position, height_notes = vehicle_position(topics)
     attitude = vehicle_attitude(topics)
     mount, gimbals, gimbal_notes = gimbal_attitude(path, log.instances, attitude, gimbal)
     return FlightLog(
@@ -37,12 +38,12 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         gimbals=gimbals,
         counts=log.counts,
         corrupt_packets=log.complaints,
-        position=vehicle_position(topics),
+        position=position,
         attitude=attitude,
         gimbal=mount,
         camera_event_s=camera_events(topics),
         camera_event_source="camera_capture" if "camera_capture" in topics else "camera_trigger",
         utc=utc_clock(topics),
         accuracy=stated_accuracy(topics),
-        notes=(*log.notes, *gimbal_notes),
+        notes=(*log.notes, *height_notes, *gimbal_notes),
     )
