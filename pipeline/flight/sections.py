@@ -12,6 +12,7 @@ from pipeline.flight.settings import (
     StillPose,
     TakeoffSettings,
     TargetSettings,
+    VideoArea,
 )
 from pipeline.flight.table import Table
 from pipeline.geometry.geodesy import Geodetic
@@ -74,6 +75,29 @@ TAKEOFF_KEYS = (
     ),
     Key("datum", keys.choice(("ellipsoid", "msl"), "ellipsoid")),
 )
+
+
+def video_area(table: Table, key: str, folder: Path) -> VideoArea | None:
+    """`{ crop = [x, y, width, height], of = [width, height] }`, in pixels of the calibrated picture."""
+    inner = table.table(key)
+    if inner is None:
+        return None
+    crop, of = inner.vector("crop", 4), inner.vector("of", 2)
+    for name, value in (("crop", crop), ("of", of)):
+        if value is None:
+            raise inner.refuse(
+                name,
+                "crop = [x, y, width, height] and of = [width, height] of the calibrated picture",
+                "write video_area = { crop = [0, 270, 3840, 2160], of = [3840, 2700] }",
+            )
+    assert crop is not None
+    assert of is not None
+    if min(of) < 1 or of[0] % 1 or of[1] % 1:
+        raise inner.refuse("of", "two whole numbers above 0", "write the size of the calibrated picture")
+    inner.done()
+    return VideoArea(crop=(crop[0], crop[1], crop[2], crop[3]), of=(int(of[0]), int(of[1])))
+
+
 SIGMA_KEYS = (
     *(Key(f"{name}_deg", keys.degrees(None, low=0, high=180), f"{name}_rad") for name in ("attitude_bias", "attitude")),
     Key("pixel", keys.number(low=0, above=True), "pixel_px"),
@@ -87,6 +111,7 @@ SIGMA_KEYS = (
 CAMERA_KEYS = (
     Key("calibration", keys.path(needed="make one with `runningfix calibrate`")),
     Key("video", keys.path()),
+    Key("video_area", video_area),
     Key("tracks", keys.path()),
     Key("telemetry", keys.path()),
     Key("pose", keys.section(POSE_KEYS, still_pose)),

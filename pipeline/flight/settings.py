@@ -47,6 +47,14 @@ class TakeoffSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class VideoArea:
+    """What a video shows of the calibrated picture: crop (x, y, width, height) of a picture of size `of`, pixels."""
+
+    crop: tuple[float, float, float, float]
+    of: tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
 class CameraSettings:
     """One `[cameras.NAME]` table.
 
@@ -58,6 +66,7 @@ class CameraSettings:
     name: str
     calibration: Path
     video: Path | None = None
+    video_area: VideoArea | None = None
     tracks: Path | None = None
     tracker: TrackerName = "kcf"
     telemetry: Path | None = None

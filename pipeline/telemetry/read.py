@@ -6,6 +6,7 @@ from pathlib import Path
 
 from calibration.foundation.compiled import AVAILABLE
 from calibration.foundation.errors import InputFileError
+from pipeline.telemetry.clocks.own_clock import with_clock_notes
 from pipeline.telemetry.dataflash.flight import dataflash_flight
 from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
 from pipeline.telemetry.excerpts.excerpt import Excerpt, PieceReader, read_excerpts
@@ -46,7 +47,7 @@ def read_log(
     Raises InputFileError where the file is missing, of no known kind, or holds no vehicle, UsageError where there is no
     such dialect.
     """
-    return with_validity_notes(_read(path, system, gimbal, dialect, excerpts, progress))
+    return with_validity_notes(with_clock_notes(_read(path, system, gimbal, dialect, excerpts, progress)))
 
 
 def _read(

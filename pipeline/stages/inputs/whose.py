@@ -58,13 +58,15 @@ def check_vehicles(flight: Flight, logs: Mapping[str, FlightLog]) -> None:
 
 
 def _same_vehicle(first: FlightLog, second: FlightLog) -> bool:
-    """Whether two logs tell of the same flight of the same vehicle: the same file, or the same positions in another."""
+    """Whether two logs tell of the same flight of the same vehicle: the same file, or a copy of it."""
     if first is second:
         return True
     if first.path == second.path:
         return first.system == second.system
     a, b = first.position, second.position
-    if a is None or b is None or len(a.time_s) != len(b.time_s) or not a.valid.any():
+    if a is None or b is None or first.format != second.format or dict(first.counts) != dict(second.counts):
+        return False
+    if len(a.time_s) != len(b.time_s) or not a.valid.any():
         return False
     return bool(
         np.array_equal(a.lat_rad, b.lat_rad, equal_nan=True) and np.array_equal(a.time_s, b.time_s, equal_nan=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pipeline.telemetry.dataflash.accuracy import stated_accuracy
 from pipeline.telemetry.dataflash.attitude import vehicle_attitude
+from pipeline.telemetry.dataflash.boots import continued
 from pipeline.telemetry.dataflash.camera_events import camera_events
 from pipeline.telemetry.dataflash.gimbal import gimbal_attitude
 from pipeline.telemetry.dataflash.parameters import system_of
@@ -17,6 +18,7 @@ from pipeline.telemetry.log.tables import RawLog
 
 def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
     """What a DataFlash log says of its vehicle."""
+    raw = continued(raw)
     position, height_notes = vehicle_position(raw)
     attitude = vehicle_attitude(raw)
     mount, gimbals, gimbal_notes = gimbal_attitude(raw, attitude, gimbal)

@@ -12,13 +12,17 @@ from pipeline.telemetry.clocks.clock_model import settled
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
 
+def clock_field(table: MessageTable) -> tuple[str, float]:
+    """The field that says the time since boot, and its ticks in a second; "" where none does."""
+    if table.name == "GPS" and "T" in table:
+        return "T", 1e3
+    return next(((name, ticks) for name, ticks in (("TimeUS", 1e6), ("TimeMS", 1e3)) if name in table), ("", 1.0))
+
+
 def time_of(table: MessageTable) -> Floats:
     """Log time (n,): seconds since boot; NaN where the message has none or its neighbours deny it."""
-    if table.name == "GPS" and "T" in table:
-        return settled(table.floats("T") / 1e3)
-    if "TimeUS" in table:
-        return settled(table.floats("TimeUS") / 1e6)
-    return settled(table.floats("TimeMS") / 1e3)
+    field, ticks = clock_field(table)
+    return settled(table.floats(field or "TimeMS") / ticks)
 
 
 def first_instance(table: MessageTable | None) -> MessageTable | None:

@@ -113,11 +113,21 @@ class GimbalSeries:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ClockStep:
+    """Log times over which another clock read `ahead_s` more than after it was set."""
+
+    begin_s: float
+    end_s: float
+    ahead_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ClockModel:
     """Another clock against log time: other = epoch_s + rate * (log time - log_epoch_s).
 
     sigma_s   of one reading, from the scatter of the pairs and the source's known faults
     pairs, outliers  how many readings it rests on, and how many disagreed
+    steps     what it read before it was set, each time
     """
 
     source: str
@@ -127,6 +137,7 @@ class ClockModel:
     sigma_s: float
     pairs: int
     outliers: int
+    steps: tuple[ClockStep, ...] = ()
 
     def other_s(self, log_time_s: float) -> float:
         """The other clock's reading at a log time."""

@@ -43,7 +43,7 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         gimbal=mount,
         camera_event_s=camera_events(topics),
         camera_event_source="camera_capture" if "camera_capture" in topics else "camera_trigger",
-        utc=utc_clock(topics),
+        utc=utc_clock(topics, log.info),
         accuracy=stated_accuracy(topics),
         notes=(*log.notes, *height_notes, *gimbal_notes),
     )
