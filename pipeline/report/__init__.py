@@ -3,8 +3,8 @@
 Every figure is a pure function from records to markup; `page` puts them in order.
 """
 
-from pipeline.report.log_view import log_picture
 from pipeline.report.page import render_report
-from pipeline.report.summary import typical_sigma_m
+from pipeline.report.views.log import log_picture
+from pipeline.report.views.summary import typical_sigma_m
 
 __all__ = ["log_picture", "render_report", "typical_sigma_m"]
