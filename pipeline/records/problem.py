@@ -31,6 +31,7 @@ class CameraInput:
     sigma       priors
     clock       which clock model
     still       the pose is one constant pose (a tripod)
+    mount_ypr_rad  yaw, pitch, roll of a fixed mount, as the flight file has it, where the poses rest on one; else None
     poses_at    the measured poses at moved log times, where they came from a log; else None
     """
 
@@ -42,6 +43,7 @@ class CameraInput:
     sigma: InstrumentSigma = field(default_factory=InstrumentSigma)
     clock: ClockKind = "auto"
     still: bool = False
+    mount_ypr_rad: tuple[float, float, float] | None = None
     poses_at: PoseAt | None = None
 
 

@@ -170,6 +170,12 @@ CHECKS = (
         says="a run killed at ten random moments and started again: the same bytes",
     ),
     Check(
+        name="verdict",
+        module="check_verdict",
+        minutes=40,
+        says="30 kinds of mistake: never good where it matters, the culprit named; ordinary flights without alarms",
+    ),
+    Check(
         name="real-flights",
         module="check_flights",
         minutes=1,

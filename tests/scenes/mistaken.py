@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from calibration.camera import pixel_from_ray
 from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.records import CameraInput, Problem
-from pipeline.synthetic.scenes import paper_scene
+from pipeline.synthetic.scenes import paper_scene, plain_lens
 from pipeline.synthetic.simulate import Noise, simulate
 
 INSTRUMENTS = Noise(
@@ -71,7 +72,6 @@ def sliding(problem: Problem, name: str, target: int, since: int, px_per_frame: 
     away = np.where(rays.target == target, np.maximum(rays.frame - since, 0), 0) * px_per_frame
     across = rays.pixel_from_ray[:, 0] / (rays.pixel_from_ray[:, 0] ** 2).sum(axis=1, keepdims=True)
     direction = rays.direction_cam + across * away[:, None]
-    return with_camera(
-        problem, name,
-        rays=replace(rays, direction_cam=direction / np.linalg.norm(direction, axis=1, keepdims=True)),
-    )  # fmt: skip
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    moved = replace(rays, direction_cam=direction, pixel_from_ray=pixel_from_ray(plain_lens(), direction))
+    return with_camera(problem, name, rays=moved)

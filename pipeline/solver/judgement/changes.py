@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from calibration.foundation.arrays import Bools
+from calibration.foundation.arrays import Bools, Floats
 from pipeline.solver.adjustment.elimination import PoseError
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START
@@ -28,7 +28,9 @@ FREED: dict[str, tuple[list[int], float]] = {
     "offset": ([OFFSET], 60.0),
 }
 """Columns of a camera's parameters, and the sigma (rad, m, log, s, relative, s) that stands for knowing nothing."""
-Kind = Literal["free", "without-target", "without-track", "without-part", "without-camera", "exchange", "step"]
+Kind = Literal[
+    "free", "without-target", "without-track", "without-part", "without-camera", "exchange", "step", "converted"
+]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +76,42 @@ def freed(model: Model, c: int, what: str) -> Change | None:
         return model.changed(priors=replace(model.priors, camera_precision=precision, camera_free=free))
 
     return Change(kind="free", camera=model.frames.cameras[c], what=what, price=8.0 + 4.0 * len(columns), apply=apply)
+
+
+def _inverse(turn: Floats, place_m: Floats) -> tuple[Floats, Floats]:
+    return np.swapaxes(turn, 1, 2), place_m
+
+
+def _rolled(quarters: int) -> Callable[[Floats, Floats], tuple[Floats, Floats]]:
+    cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters]
+    about_axis = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return lambda turn, place_m: (about_axis @ turn, place_m)
+
+
+CONVENTIONS: dict[str, Callable[[Floats, Floats], tuple[Floats, Floats]]] = {
+    "its attitudes were the inverse rotations": _inverse,
+    "its picture were upside down": _rolled(2),
+    "its picture were turned by a quarter to the left": _rolled(1),
+    "its picture were turned by a quarter to the right": _rolled(3),
+    "its east and north were exchanged": lambda turn, place_m: (turn, place_m[:, [1, 0, 2]]),
+    "its positions were in feet": lambda turn, place_m: (turn, place_m * 0.3048),
+    "its heights counted downwards": lambda turn, place_m: (turn, place_m * [1.0, 1.0, -1.0]),
+}
+"""What poses may have been meant as: cam_from_enu (n, 3, 3) and position (n, 3) -> the same, as meant."""
+
+
+def converted(model: Model, c: int, convention: str) -> Change:
+    """The poses of a camera in another convention."""
+
+    def apply(model: Model) -> Model:
+        part = model.frames.of(c)
+        turn, place_m = model.frames.cam_from_enu.copy(), model.frames.position_m.copy()
+        turn[part], place_m[part] = CONVENTIONS[convention](turn[part], place_m[part])
+        return model.changed(frames=replace(model.frames, cam_from_enu=turn, position_m=place_m))
+
+    return Change(
+        kind="converted", camera=model.frames.cameras[c], what=convention, price=20.0, apply=apply, renewable=False
+    )
 
 
 def without(model: Model, hidden: Bools, kind: Kind, **named: object) -> Change:

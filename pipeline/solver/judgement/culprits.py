@@ -4,10 +4,10 @@ Every change leaves a chi-square T' with an expectation E'. It restores
 
     gain = (T - T') - (E - E')          E - E' = two for each sighting left out, less the unknowns that go with it
 
-less a price, which is what pure chance would restore among so many changes. The greatest gain after its price is the
-likeliest culprit. Adjusting again is cheap: at most `FRAMES` frames of a camera, the motions as they are, few
-iterations, and only `TRIALS` changes, the most promising first; both are counts, so that the same flight has the same
-answer on any machine.
+less a price: what pure chance would restore among so many changes, and, where sightings are left out, their share of
+the whole misfit. The greatest gain after its price is the likeliest culprit. Adjusting again is cheap: at most `FRAMES`
+frames of a camera, the motions as they are, few iterations, and only `TRIALS` changes, the most promising first; both
+are counts, so that the same flight has the same answer on any machine.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pipeline.solver.adjustment.compiled_descent import is_dense
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.judgement.changes import FREED, Change, exchanged, freed, stepped, without
+from pipeline.solver.judgement.changes import CONVENTIONS, FREED, Change, converted, exchanged, freed, stepped, without
 from pipeline.solver.judgement.misfit import Misfit, Misfits
 from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
 from pipeline.solver.methods.initialisation import graduated
@@ -39,6 +39,8 @@ FRAMES = 400
 TRIALS, SLOW_TRIALS = 130, 40
 """Changes that are tried, and where splines or many unknowns make each slow."""
 ITERATIONS = 25
+GROSS = 30.0
+"""z of unit weight from which on poses in another convention are tried; small errors are no conventions."""
 WORST, PAIRED = 4, 3
 """Tracks and targets that are suspected, the worst first; and those that are tried as exchanged half way."""
 Clocks = tuple[Floats, Floats]
@@ -104,7 +106,9 @@ def _explained(
     gain = 2 * (base.cost - best.cost) - removed
     left = expected - removed
     z = (2 * best.cost - left) / float(np.sqrt(2 * max(left, 1.0)))
-    return Explained(change=change, gain=gain, net=gain - change.price, z=z, fit=best)
+    share = 1 - float(best.model.frames.seen.sum()) / max(float(base.model.frames.seen.sum()), 1.0)
+    price = change.price + share * max(2 * base.cost - expected, 0.0)
+    return Explained(change=change, gain=gain, net=gain - price, z=z, fit=best)
 
 
 def thinned(model: Model, state: State) -> tuple[Model, State]:
@@ -149,6 +153,8 @@ def suspected(model: Model, misfits: Misfits, sequences: Sequence[PoseSequence])
             if change is not None:
                 yield change
     ranked = [frames.targets.index(m.target) for m in misfits.targets]
+    if misfits.whole.z > GROSS:
+        yield from (converted(model, c, convention) for convention in CONVENTIONS for c in cameras)
     yield from _steps(model, sequences, ("position", "attitude", "offset"))
     for n in ranked[:WORST] if len(targets) > 1 else ():
         hidden = np.zeros(frames.seen.shape, dtype=bool)

@@ -24,7 +24,15 @@ from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
 from pipeline.solver.judgement.prior_tests import PriorTest, prior_tests
 from pipeline.solver.judgement.settings import SETTINGS, JudgementSettings
-from pipeline.solver.judgement.words import Told, change_words, correction_words, misfit_words, number, sequence_words
+from pipeline.solver.judgement.words import (
+    Told,
+    change_words,
+    correction_words,
+    misfit_words,
+    mount_words,
+    number,
+    sequence_words,
+)
 from pipeline.solver.methods.results import Outcome
 
 RESTORED = 4.0
@@ -209,10 +217,12 @@ def _suspect(problem: Problem, one: Explained, tests: Tests, grade: Grade) -> Re
         frames, state = one.fit.model.frames, one.fit.state
         c = frames.cameras.index(camera.camera)
         columns = FREED[change.what][0]
-        told = correction_words(
-            camera.camera, change.what, state.camera[c, columns] - one.fit.model.priors.camera_mean[c, columns],
-            _prior_sigma(tests, camera.camera, change.what, len(columns)), camera.frame_rate,
-        )  # fmt: skip
+        correction = state.camera[c, columns] - one.fit.model.priors.camera_mean[c, columns]
+        sigma = _prior_sigma(tests, camera.camera, change.what, len(columns))
+        told = correction_words(camera.camera, change.what, correction, sigma, camera.frame_rate)
+        if change.what == "attitude" and camera.mount_ypr_rad is not None:
+            fits = mount_words(camera.mount_ypr_rad, correction)
+            told = replace(told, words=f"{told.words}; {fits}")
         kind, subject = f"suspect-{change.what}", camera.camera
     else:
         told = change_words(change)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.foundation.arrays import Floats
+from pipeline.geometry import rotation
 from pipeline.solver.judgement.changes import Change
 from pipeline.solver.judgement.misfit import Misfit
 from pipeline.solver.judgement.pose_sequences import Sequence
@@ -15,6 +16,12 @@ from pipeline.solver.judgement.pose_sequences import Sequence
 PARAMETERS = "attitude", "position", "focal", "offset", "frame-rate", "start", "place"
 UPRIGHT = 0.9
 """Share of a shift that is vertical from which on a height datum is the likely cause."""
+
+
+FRD_FROM_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Forward is the optical axis, right the image's right, down its down."""
+SAME_RAD = math.radians(4.0)
+"""How near the angles of a mount must come to what was given in another unit or with another sign to be called that."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +64,7 @@ ADVICE = {
     "step": STEP,
     "time-lost": "likely: frames that the recorder or a cut left out without a time. Give the tracks' times (time_s), "
     "or cut the flight there",
+    "converted": "check how that camera's poses, mount and picture are meant: see the conventions",
     "camera": "look at that camera's calibration, mount, start, log and names of targets",
 }
 
@@ -89,9 +97,29 @@ def correction_words(camera: str, what: str, correction: Floats, sigma: Floats, 
     return Told(words=words + prior.format(f"{number(one)} px"), advice=ADVICE["place"])
 
 
+def mount_words(given_ypr_rad: tuple[float, float, float], turn_rad: Floats) -> str:
+    """The mount that the pictures fit, and what it looks like; `turn_rad` is the camera's attitude correction."""
+    yaw, pitch, roll = (np.array(angle) for angle in given_ypr_rad)
+    given = rotation.matrix(rotation.ned_from_frd(yaw, pitch, roll))
+    turn = FRD_FROM_CAM @ rotation.matrix(rotation.exp(-turn_rad)) @ FRD_FROM_CAM.T
+    fits = rotation.yaw_pitch_roll(rotation.from_matrix(given @ turn))
+    deg = np.degrees(fits)
+    words = f"the pictures fit mount = {{ roll_deg = {deg[2]:.1f}, pitch_deg = {deg[1]:.1f}, yaw_deg = {deg[0]:.1f} }}"
+    was = np.array(given_ypr_rad)
+    if not was.any():
+        return f"{words}, and none was given"
+    if np.abs(np.degrees(was) - fits).max() < SAME_RAD:
+        return f"{words}: what was given, taken for radians"
+    if np.abs(was[1] + fits[1]) < SAME_RAD < abs(was[1]):
+        return f"{words}: the given pitch with the other sign"
+    return words
+
+
 def change_words(change: Change) -> Told:
     """A change other than a block set free."""
     names = " and ".join(change.targets)
+    if change.kind == "converted":
+        return Told(words=f"{change.camera} fits as if {change.what}", advice=ADVICE["converted"])
     if change.kind == "step":
         if change.what == "offset":
             words = f"{change.camera} loses time at about frame {change.since_frame}"

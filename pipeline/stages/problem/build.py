@@ -10,12 +10,13 @@ import numpy as np
 from calibration.camera import CameraModel, focal_effect
 from calibration.foundation.arrays import Ints
 from calibration.foundation.errors import GeometryError, InputFileError, UsageError
-from pipeline.flight import Flight
+from pipeline.flight import CameraSettings, Flight
 from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
 from pipeline.stages.inputs.cameras import camera_notes
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
 from pipeline.stages.problem.rays import check_inside, sight_rays
+from pipeline.telemetry import is_pose_table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,8 +97,16 @@ def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequ
         sigma=sigma,
         clock=settings.clock,
         still=pose.still,
+        mount_ypr_rad=_fixed_mount(settings),
         poses_at=None if pose.poses_at is None else pose.poses_at(base),
     )
+
+
+def _fixed_mount(settings: CameraSettings) -> tuple[float, float, float] | None:
+    """Yaw, pitch, roll of the mount where a log's attitudes rest on it; tables and still poses have none."""
+    if settings.telemetry is None or is_pose_table(settings.telemetry) or settings.mount.gimbal:
+        return None
+    return settings.mount.yaw_rad, settings.mount.pitch_rad, settings.mount.roll_rad
 
 
 def poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from pipeline.geometry import rotation
 from pipeline.solver.judgement.depth import interval
 from pipeline.solver.judgement.prior_tests import log10_chance, whitened_square
+from pipeline.solver.judgement.words import mount_words
 
 
 @pytest.mark.parametrize(("statistic", "freedom"), [(0.5, 1), (12.0, 3), (300.0, 6), (1400.0, 3)])
@@ -46,3 +48,28 @@ def test_a_depth_may_have_no_upper_end() -> None:
     low, high = interval(100.0, 60.0, 1.95996)
     assert high == math.inf
     assert 40 < low < 50
+
+
+@pytest.mark.parametrize(
+    ("given_deg", "true_deg", "said"),
+    [
+        ((3.0, -38.0, 1.0), (3.0, -38.0, 1.0), "pitch_deg = -38.0"),
+        ((0.0, 0.0, 0.0), (2.0, -35.0, 0.0), "none was given"),
+        ((0.0524, -0.6632, 0.01745), (3.0, -38.0, 1.0), "taken for radians"),
+        ((0.0, 30.0, 0.0), (0.0, -30.0, 0.0), "the other sign"),
+        ((10.0, -30.0, 0.0), (25.0, -30.0, 0.0), "yaw_deg = 25.0 }"),
+    ],
+)
+def test_the_mount_that_the_pictures_fit_is_said(
+    given_deg: tuple[float, ...], true_deg: tuple[float, ...], said: str
+) -> None:
+    ned = rotation.ned_from_frd(np.array(0.4), np.array(0.05), np.array(-0.1))
+    given, true = (
+        rotation.enu_from_cam(ned, rotation.ned_from_frd(*(np.array(a) for a in np.radians(d))))
+        for d in (given_deg, true_deg)
+    )
+    turn = rotation.log(rotation.multiply(rotation.conjugate(true), given))
+    yaw, pitch, roll = np.radians(given_deg)
+    words = mount_words((float(yaw), float(pitch), float(roll)), turn)
+    assert said in words
+    assert ("radians" in words) == (said == "taken for radians")
