@@ -29,12 +29,13 @@ class StillPose:
 
 @dataclass(frozen=True, kw_only=True)
 class MountSettings:
-    """Camera to body: fixed FRD angles, or `gimbal`: read from the log."""
+    """Camera to body: fixed FRD angles, or `gimbal`: read from the log. `given`: the flight file says so."""
 
     yaw_rad: float = 0.0
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     gimbal: bool = False
+    given: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
