@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment import _kernels
+from pipeline.solver.adjustment import _assembly, _kernels
 from pipeline.solver.adjustment.banded_system import Bordered
 from pipeline.solver.adjustment.elimination import At, BlockNormals, block_normals, frame_steps
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
@@ -114,7 +114,7 @@ def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
     if not _kernels.AVAILABLE or blocks.local_from_camera.shape[1] > LOCAL_COLUMNS:
         return assemble_plain(model, blocks, normals)
     order, basis = model.order, model.basis
-    band, border, corner, gradient = _kernels.assemble(
+    band, border, corner, gradient = _assembly.assemble(
         normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
         global_places(model, blocks), order.n_band, order.n_border, order.width,
     )  # fmt: skip

@@ -59,7 +59,7 @@ def place_shift(frames: Frames, part: slice, camera: Floats) -> Floats:
     return np.asarray(pixels * frames.place_gain[part, :, None])
 
 
-def stretches(frames: Frames, part: slice, focal: Floats) -> tuple[Floats, Floats]:
+def magnifications(frames: Frames, part: slice, focal: Floats) -> tuple[Floats, Floats]:
     """k and d ln k / d phi, both (n, N) or (n, 1), at log focal scales (n,) of the frames `part`."""
     if len(frames.focal_effect) == 0:
         return np.exp(focal)[:, None], np.ones((len(focal), 1))
@@ -75,7 +75,7 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
     cam_from_enu = turn @ frames.cam_from_enu[part]
     away = target_m - (frames.position_m[part] + p)[:, None]
     y = away @ np.swapaxes(cam_from_enu, 1, 2)
-    factor, growth = stretches(frames, part, focal)
+    factor, growth = magnifications(frames, part, focal)
     stretch = np.ones((len(w), factor.shape[1], 3))
     stretch[..., :2] = factor[..., None]
     seen_y, gain, ray = y * stretch, frames.gain[part], frames.ray[part]
