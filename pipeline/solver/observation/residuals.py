@@ -76,9 +76,9 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
     away = target_m - (frames.position_m[part] + p)[:, None]
     y = away @ np.swapaxes(cam_from_enu, 1, 2)
     factor, growth = magnifications(frames, part, focal)
-    stretch = np.ones((len(w), factor.shape[1], 3))
-    stretch[..., :2] = factor[..., None]
-    seen_y, gain, ray = y * stretch, frames.gain[part], frames.ray[part]
+    magnified = np.ones((len(w), factor.shape[1], 3))
+    magnified[..., :2] = factor[..., None]
+    seen_y, gain, ray = y * magnified, frames.gain[part], frames.ray[part]
     flat = (gain @ seen_y[..., None])[..., 0]
     along = (ray * seen_y).sum(-1)
     if frames.angular:
@@ -88,7 +88,7 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
         by_seen = (gain - residual[..., None] * ray[..., None, :]) / depth[..., None]
     else:
         residual, by_seen = flat, gain
-    by_y = by_seen * stretch[:, :, None]
+    by_y = by_seen * magnified[:, :, None]
     by_position = by_y @ cam_from_enu[:, None]
     by_turn = np.cross(y[..., None, :], by_y)
     by_pose_time = np.zeros(residual.shape)
