@@ -17,7 +17,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.compiled import compiled
 from pipeline.solver.adjustment._kernels import Observed
-from pipeline.solver.adjustment._lanes import turns
+from pipeline.solver.adjustment._lanes import turn
 
 OFFSET, SCALE, START, FOCAL, PARAMETERS = 7, 8, 9, 6, 10
 
@@ -293,22 +293,16 @@ def motion_alone(observed: Observed, course: Course, camera: Floats, rank: float
     mid_s, half_s, axes = course.mid_s, course.half_s, position.shape[1]
     targets, powers = len(first), degree.max() + 1
     moment, vector = np.zeros((targets, 2 * powers - 1, 6)), np.zeros((targets, powers, 3))
-    error, turned, left, whole = np.zeros((6, 1)), np.zeros((3, 3)), np.zeros((9, 1)), np.zeros(6)
-    measured, lane, work = np.zeros((9, 1)), np.zeros((9, 1)), np.zeros((16, 1))
+    error, turned, whole = np.zeros(6), np.zeros((3, 3)), np.zeros(6)
     square, place, pulled, lines = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros((2, 3))
     for f in range(len(video_s)):
         c = frame_camera[f]
         u = (video_s[f] * (1.0 + camera[c, SCALE]) + camera[c, OFFSET] - mid_s) / half_s
         for i in range(2 * axes):
-            error[i, 0] = camera[c, i]
+            error[i] = camera[c, i]
         for i in range(axes):
-            place[i] = position[f, i] + error[3 + i, 0]
-            for j in range(axes):
-                measured[3 * i + j, 0] = cam_from_enu[f, i, j]
-        turns(error, measured, lane, left, work, axes)
-        for i in range(axes):
-            for j in range(axes):
-                turned[i, j] = lane[3 * i + j, 0]
+            place[i] = position[f, i] + error[3 + i]
+        turn(error, cam_from_enu[f], turned)
         magnified = math.exp(camera[c, FOCAL])
         for i in range(axes):
             turned[0, i] *= magnified

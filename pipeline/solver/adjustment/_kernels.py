@@ -17,7 +17,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints
 from calibration.foundation.compiled import AVAILABLE, compiled, inlined
-from pipeline.solver.adjustment._lanes import NEAREST_COSINE, moments, sights, spins, turns
+from pipeline.solver.adjustment._lanes import NEAREST_COSINE, moments, sights, spins, turn, turns
 
 __all__ = [
     "AVAILABLE", "Loosely", "Observed", "Point", "Runs", "block_normals", "kept_shape", "kept_steps", "room",
@@ -91,7 +91,7 @@ def _magnified(lens: Floats, f: int, n: int, phi: float, whole: float) -> tuple[
     return math.exp((lens[f, n, 0] + 0.5 * lens[f, n, 1] * phi) * phi), lens[f, n, 0] + lens[f, n, 1] * phi
 
 
-@compiled
+@inlined
 def _less(out: Floats, DX: Floats, axis: int, column: int) -> None:
     """out (w,) = minus the sum over targets of DX (3 N, 8, w) at one axis and column."""
     for lane in range(len(out)):
@@ -252,15 +252,17 @@ def block_normals(
             lanes = min(width, begin[b + 1] - low)
             chunk += 1
             store = kept[chunk] if keep else own_store
-            JQ, PG = store[: rows * nq].reshape(rows, nq, width), store[rows * nq :]
+            PG = store[rows * nq :]
             wh, inverse = store[first_kept:], store[first_kept + 6 :]
             # --- linearise; lanes without a frame have no gain
-            if lanes < width:
-                gain_at[:, :, lanes:] = 0.0
-                shift_at[:, :, lanes:] = 0.0
-                worth[:, lanes:] = 0.0
-                pw[:, lanes:] = 0.0
-                mine[:, lanes:] = 0.0
+            for lane in range(lanes, width):
+                pw[0, lane] = pw[1, lane] = 0.0
+                for i in range(six):
+                    mine[i, lane] = 0.0
+                for n in range(n_targets):
+                    worth[n, lane] = shift_at[n, 0, lane] = shift_at[n, 1, lane] = 0.0
+                    for i in range(six):
+                        gain_at[n, i, lane] = 0.0
             for lane in range(lanes):
                 f = low + lane
                 pw[0, lane], pw[1, lane] = 1.0, time_u[f]
@@ -303,8 +305,8 @@ def block_normals(
             for n in range(n_targets):
                 cost += sights(
                     series[b, n], pw[1], turned, left, place, lensed, growth_at[n], gain_at[n], ray_at[n], shift_at[n],
-                    angular, kind, bend, rated, spin, rate_at, JQ[2 * n : 2 * n + 2], R[2 * n : 2 * n + 2], root,
-                    work, axes,
+                    angular, kind, bend, rated, spin, rate_at, store[2 * n * nq : (2 * n + 2) * nq],
+                    R[2 * n : 2 * n + 2], root, work, axes,
                 )  # fmt: skip
                 if placed:
                     for lane in range(width):
@@ -315,12 +317,16 @@ def block_normals(
                 for i in range(axes):
                     z = 3 * n + i
                     for lane in range(width):
-                        gz[z, lane] = -(JQ[x, 3 + i, lane] * R[x, lane] + JQ[x + 1, 3 + i, lane] * R[x + 1, lane])
+                        gz[z, lane] = -(
+                            store[x * nq + 3 + i, lane] * R[x, lane]
+                            + store[(x + 1) * nq + 3 + i, lane] * R[x + 1, lane]
+                        )
                     for j in range(nq):
                         if j < 3 or j > 5 or j - 3 <= i:
                             for lane in range(width):
                                 DX[z, j, lane] = -(
-                                    JQ[x, 3 + i, lane] * JQ[x, j, lane] + JQ[x + 1, 3 + i, lane] * JQ[x + 1, j, lane]
+                                    store[x * nq + 3 + i, lane] * store[x * nq + j, lane]
+                                    + store[(x + 1) * nq + 3 + i, lane] * store[(x + 1) * nq + j, lane]
                                 )
                     for j in range(i):
                         for lane in range(width):
@@ -337,10 +343,10 @@ def block_normals(
                     continue
                 z = nx + (i if i < 3 else i - 3)
                 for lane in range(width):
-                    gz[z, lane] = JQ[0, i, lane] * R[0, lane]
+                    gz[z, lane] = store[i, lane] * R[0, lane]
                 for row in range(1, 2 * n_targets):
                     for lane in range(width):
-                        gz[z, lane] += JQ[row, i, lane] * R[row, lane]
+                        gz[z, lane] += store[row * nq + i, lane] * R[row, lane]
                 if i < 3:
                     for lane in range(width):
                         hq[i, lane] = gz[z, lane]
@@ -349,10 +355,10 @@ def block_normals(
                         _less(DQ[i, j], DX, j - 3, i)
                         continue
                     for lane in range(width):
-                        DQ[i, j, lane] = JQ[0, i, lane] * JQ[0, j, lane]
+                        DQ[i, j, lane] = store[i, lane] * store[j, lane]
                     for row in range(1, 2 * n_targets):
                         for lane in range(width):
-                            DQ[i, j, lane] += JQ[row, i, lane] * JQ[row, j, lane]
+                            DQ[i, j, lane] += store[row * nq + i, lane] * store[row * nq + j, lane]
             for z in range(first_place, nz):
                 row = z - first_place
                 for lane in range(width):
@@ -399,7 +405,7 @@ def block_normals(
                         elif z >= first_place:
                             row = z - first_place
                             for lane in range(width):
-                                W[z, i, lane] = PG[row // 2, lane] * JQ[row, i, lane] * si
+                                W[z, i, lane] = PG[row // 2, lane] * store[row * nq + i, lane] * si
                         else:
                             q = z - nx if z - nx < 3 else z - nx + 3
                             high, under = max(q, i), min(q, i)
@@ -449,12 +455,12 @@ def block_normals(
                             if y // 3 == n:
                                 apart = False
                                 for lane in range(width):
-                                    m[lane] = -PG[n, lane] * JQ[row, 3 + y % 3, lane]
+                                    m[lane] = -PG[n, lane] * store[row * nq + 3 + y % 3, lane]
                         elif y < first_place:
                             apart = False
                             p = y - nx if y - nx < 3 else y - nx + 3
                             for lane in range(width):
-                                m[lane] = PG[n, lane] * JQ[row, p, lane]
+                                m[lane] = PG[n, lane] * store[row * nq + p, lane]
                         elif y == z:
                             apart = False
                             for lane in range(width):
@@ -508,7 +514,8 @@ def kept_steps(
     chunk = -1
     for b in range(len(begin) - 1):
         given, per_s = step[b], 1.0 / half_s[b]
-        d[:] = given
+        for i in range(len(d)):
+            d[i] = given[i]
         for n in range(n_targets):
             for i in range(axes):
                 row = (3 * n + i) * powers
@@ -521,7 +528,9 @@ def kept_steps(
             chunk += 1
             store, lanes = kept[chunk], min(width, begin[b + 1] - low)
             if store[at + 6, 0] == 0.0:
-                out[low : low + lanes] = own[low : low + lanes]
+                for f in range(low, low + lanes):
+                    for i in range(six):
+                        out[f, i] = own[f, i]
                 continue
             for lane in range(lanes):
                 u[lane] = time_u[low + lane]
@@ -580,8 +589,7 @@ def kept_steps(
 @compiled
 def squared_lengths(observed: Observed, spread: Floats, runs: Runs, point: Point, out: Floats) -> None:
     """Squared lengths of the residuals into `out` (F, N), in sigmas, whatever the loss; zero where unseen."""
-    error, turned, left = np.zeros((6, 1)), np.zeros((9, 1)), np.zeros((9, 1))
-    measured, work = np.zeros((9, 1)), np.zeros((16, 1))
+    error, turned = np.zeros(6), np.zeros((3, 3))
     axes, powers = observed.position_m.shape[1], point.series.shape[3]
     away, y = np.zeros(3), np.zeros(3)
     for b in range(len(runs.camera)):
@@ -589,11 +597,8 @@ def squared_lengths(observed: Observed, spread: Floats, runs: Runs, point: Point
         whole = math.exp(point.focal[c])
         for f in range(runs.begin[b], runs.begin[b + 1]):
             for i in range(2 * axes):
-                error[i, 0] = point.bias[c, i] + spread[c, i] * point.own[f, i]
-            for i in range(axes):
-                for j in range(axes):
-                    measured[3 * i + j, 0] = observed.cam_from_enu[f, i, j]
-            turns(error, measured, turned, left, work, axes)
+                error[i] = point.bias[c, i] + spread[c, i] * point.own[f, i]
+            turn(error, observed.cam_from_enu[f], turned)
             for n in range(observed.ray.shape[1]):
                 out[f, n] = 0.0
                 if not observed.seen[f, n]:
@@ -602,11 +607,11 @@ def squared_lengths(observed: Observed, spread: Floats, runs: Runs, point: Point
                     away[i] = point.series[b, n, i, powers - 1]
                     for k in range(powers - 2, -1, -1):
                         away[i] = away[i] * runs.u[f] + point.series[b, n, i, k]
-                    away[i] -= observed.position_m[f, i] + error[3 + i, 0]
+                    away[i] -= observed.position_m[f, i] + error[3 + i]
                 for i in range(axes):
                     y[i] = 0.0
                     for j in range(axes):
-                        y[i] += turned[3 * i + j, 0] * away[j]
+                        y[i] += turned[i, j] * away[j]
                 length = math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
                 factor, _ = _magnified(observed.focal_effect, f, n, point.focal[c], whole)
                 y[0] *= factor

@@ -11,12 +11,31 @@ from __future__ import annotations
 import math
 
 from calibration.foundation.arrays import Floats
-from calibration.foundation.compiled import compiled
+from calibration.foundation.compiled import compiled, inlined
 
 NEAREST_COSINE = 0.05
 
 
 @compiled
+def turn(w: Floats, measured: Floats, out: Floats) -> None:
+    """exp(w) @ measured (3, 3) into `out`; w (3,) or longer."""
+    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    if square < 1e-2:
+        s = 1.0 + square * (-1 / 6 + square * (1 / 120 + square * (-1 / 5040 + square / 362880)))
+        a = 0.5 + square * (-1 / 24 + square * (1 / 720 + square * (-1 / 40320 + square / 3628800)))
+    else:
+        angle = math.sqrt(square)
+        s, a = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
+    for j in range(out.shape[1]):
+        x, y, z = measured[0, j], measured[1, j], measured[2, j]
+        along = a * (w[0] * x + w[1] * y + w[2] * z)
+        keep = 1.0 - a * square
+        out[0, j] = keep * x + s * (w[1] * z - w[2] * y) + along * w[0]
+        out[1, j] = keep * y + s * (w[2] * x - w[0] * z) + along * w[1]
+        out[2, j] = keep * z + s * (w[0] * y - w[1] * x) + along * w[2]
+
+
+@inlined
 def turns(error: Floats, measured: Floats, turned: Floats, left: Floats, work: Floats, axes: int) -> None:
     """exp(w) @ measured into `turned` (9, w), the left Jacobian of w into `left` (9, w); error (6, w), work (13, w)."""
     x, y, z, square, s, a, b, e = error[0], error[1], error[2], work[9], work[10], work[11], work[12], work
@@ -86,7 +105,7 @@ def turns(error: Floats, measured: Floats, turned: Floats, left: Floats, work: F
         left[7, i] = b[i] * y[i] * z[i] + a[i] * x[i]
 
 
-@compiled
+@inlined
 def spins(turned: Floats, measured: Floats, rate: Floats, work: Floats, spin: Floats, axes: int) -> None:
     """The measured pose's turning rate in the axes of the corrected camera, exp(w) rate: rate (6, w), spin (3, w)."""
     for j in range(axes):
@@ -99,7 +118,7 @@ def spins(turned: Floats, measured: Floats, rate: Floats, work: Floats, spin: Fl
             )
 
 
-@compiled
+@inlined
 def robust(square: Floats, kind: int, bend: float, root: Floats) -> float:
     """The root (w,) of the robust weights of squared lengths; returns half of rho, summed."""
     cost = 0.0
@@ -121,15 +140,15 @@ def robust(square: Floats, kind: int, bend: float, root: Floats) -> float:
     return cost
 
 
-@compiled
+@inlined
 def sights(
     series: Floats, u: Floats, turned: Floats, left: Floats, position: Floats, lensed: bool, growth: Floats,
     gain: Floats, ray: Floats, shift: Floats, angular: bool, kind: int, bend: float, rated: bool, spin: Floats,
     rate: Floats, JQ: Floats, R: Floats, root: Floats, work: Floats, axes: int,
 ) -> float:  # fmt: skip
-    """Residuals R (2, w) of one target, their derivatives JQ (2, 8, w), root weights (w,); returns half of rho, summed.
+    """Residuals R (2, w) of one target, their derivatives JQ (2 n, w), root weights (w,); returns half of rho, summed.
 
-    JQ is by rotation, position, log focal scale, pose time.
+    JQ is by rotation, position, log focal scale and, where `rated`, pose time: n = 7 or 8 rows for each residual.
 
     series (3, K + 1), position (3, w), gain (6, w), ray (3, w), shift (2, w), spin (3, w), rate (6, w), work (16, w).
     The focal scale is in gain and ray; `lensed` says that growth (w,) is not one everywhere. An unseen target has gain
@@ -174,7 +193,7 @@ def sights(
     for i in range(2):
         for w in range(width):
             R[i, w] *= root[w]
-        g, J = c[3:], JQ[i]
+        g, J = c[3:], JQ[i * (len(JQ) // 2) :]
         for k in range(axes):
             if angular:
                 for w in range(width):
@@ -206,7 +225,7 @@ def sights(
     return cost
 
 
-@compiled
+@inlined
 def moments(m: Floats, pw: Floats, count: int, moment: Floats) -> None:
     """moment[k] = sum of m u^k for k < `count`: one, or up to three or five at once."""
     if count == 1:

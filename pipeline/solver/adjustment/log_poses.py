@@ -13,7 +13,6 @@ reading at another time would draw it again, under the feet of the descent.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -24,6 +23,7 @@ from calibration.foundation.compiled import AVAILABLE, compiled
 from calibration.foundation.errors import RunningFixError
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack, Problem
+from pipeline.solver.adjustment._lanes import turn as rotated
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import SCALE, START, shift_from_given_s
 from pipeline.solver.observation.observations import Frames, with_poses_of
@@ -107,23 +107,15 @@ def carry_plain(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -
 @compiled
 def _carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
     """Twin of `carry_plain`."""
-    axes, column = position.shape[1], np.zeros(3)
+    w, turned = np.zeros(3), np.zeros((3, 3))
     for f in range(len(seconds)):
-        x, y, z = rate[f, 0] * seconds[f], rate[f, 1] * seconds[f], rate[f, 2] * seconds[f]
-        square = x * x + y * y + z * z
-        sine, cosine = 1.0 - square / 6 * (1.0 - square / 20), 0.5 - square / 24 * (1.0 - square / 30)
-        if square > 1e-4:
-            angle = math.sqrt(square)
-            sine, cosine = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
-        for j in range(axes):
-            a, b, c = turn[f, 0, j], turn[f, 1, j], turn[f, 2, j]
-            along = cosine * (x * a + y * b + z * c)
-            column[0], column[1], column[2] = y * c - z * b, z * a - x * c, x * b - y * a
-            keep = 1.0 - cosine * square
-            turn[f, 0, j] = keep * a + sine * column[0] + along * x
-            turn[f, 1, j] = keep * b + sine * column[1] + along * y
-            turn[f, 2, j] = keep * c + sine * column[2] + along * z
-            position[f, j] += rate[f, 3 + j] * seconds[f]
+        for i in range(len(w)):
+            w[i] = rate[f, i] * seconds[f]
+            position[f, i] += rate[f, 3 + i] * seconds[f]
+        rotated(w, turn[f], turned)
+        for i in range(len(w)):
+            for j in range(len(w)):
+                turn[f, i, j] = turned[i, j]
 
 
 def carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
