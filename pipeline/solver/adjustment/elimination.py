@@ -238,11 +238,13 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
     return out
 
 
-def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
-    """See the head of this file; compiled where numba is installed."""
+def block_normals(
+    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, keep: bool = True
+) -> BlockNormals:
+    """See the head of this file; compiled where numba is installed. `keep` what the frames' steps need, if it fits."""
     if not _kernels.AVAILABLE:
         return block_normals_plain(frames, pose, loss, at, blocks)
-    kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free else 0)
+    kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free and keep else 0)
     normal, gradient, cost, gain = _kernels.block_normals(
         observed_of(frames, at.placed), loosely_of(pose, loss), _runs(blocks), _point(frames, at), kept
     )
