@@ -91,7 +91,7 @@ def _magnified(lens: Floats, f: int, n: int, phi: float, whole: float) -> tuple[
     return math.exp((lens[f, n, 0] + 0.5 * lens[f, n, 1] * phi) * phi), lens[f, n, 0] + lens[f, n, 1] * phi
 
 
-@inlined
+@compiled
 def _less(out: Floats, DX: Floats, axis: int, column: int) -> None:
     """out (w,) = minus the sum over targets of DX (3 N, 8, w) at one axis and column."""
     for lane in range(len(out)):
@@ -124,7 +124,7 @@ def _columns(n_targets: int, powers: int, rated: bool, placed: bool, place: Ints
             place[z + i], wide[z + i] = first_q + 11 + 2 * i, 2
 
 
-@inlined
+@compiled
 def _spread_out(N: Floats, g: Floats, series: Floats, per_s: float, n_targets: int, powers: int) -> None:
     """Fills in place the rows and columns of a camera's position and of time, from those of the targets.
 

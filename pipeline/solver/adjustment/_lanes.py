@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from calibration.foundation.arrays import Floats
-from calibration.foundation.compiled import compiled, inlined
+from calibration.foundation.compiled import compiled
 
 NEAREST_COSINE = 0.05
 
@@ -35,7 +35,7 @@ def turn(w: Floats, measured: Floats, out: Floats) -> None:
         out[2, j] = keep * z + s * (w[0] * y - w[1] * x) + along * w[2]
 
 
-@inlined
+@compiled
 def turns(error: Floats, measured: Floats, turned: Floats, left: Floats, work: Floats, axes: int) -> None:
     """exp(w) @ measured into `turned` (9, w), the left Jacobian of w into `left` (9, w); error (6, w), work (13, w)."""
     x, y, z, square, s, a, b, e = error[0], error[1], error[2], work[9], work[10], work[11], work[12], work
@@ -105,7 +105,7 @@ def turns(error: Floats, measured: Floats, turned: Floats, left: Floats, work: F
         left[7, i] = b[i] * y[i] * z[i] + a[i] * x[i]
 
 
-@inlined
+@compiled
 def spins(turned: Floats, measured: Floats, rate: Floats, work: Floats, spin: Floats, axes: int) -> None:
     """The measured pose's turning rate in the axes of the corrected camera, exp(w) rate: rate (6, w), spin (3, w)."""
     for j in range(axes):
@@ -118,7 +118,7 @@ def spins(turned: Floats, measured: Floats, rate: Floats, work: Floats, spin: Fl
             )
 
 
-@inlined
+@compiled
 def robust(square: Floats, kind: int, bend: float, root: Floats) -> float:
     """The root (w,) of the robust weights of squared lengths; returns half of rho, summed."""
     cost = 0.0
@@ -140,7 +140,7 @@ def robust(square: Floats, kind: int, bend: float, root: Floats) -> float:
     return cost
 
 
-@inlined
+@compiled
 def sights(
     series: Floats, u: Floats, turned: Floats, left: Floats, position: Floats, lensed: bool, growth: Floats,
     gain: Floats, ray: Floats, shift: Floats, angular: bool, kind: int, bend: float, rated: bool, spin: Floats,
@@ -225,7 +225,7 @@ def sights(
     return cost
 
 
-@inlined
+@compiled
 def moments(m: Floats, pw: Floats, count: int, moment: Floats) -> None:
     """moment[k] = sum of m u^k for k < `count`: one, or up to three or five at once."""
     if count == 1:
