@@ -11,7 +11,7 @@ from functools import partial
 from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
-OWN_MODULES = ("board", "boresight", "calibrate", "check", "demo", "detect", "experiment", "inspect", "label")
+OWN_MODULES = ("board", "boresight", "calibrate", "camera", "check", "demo", "detect", "experiment", "inspect", "label")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

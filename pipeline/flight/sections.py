@@ -10,7 +10,9 @@ from pipeline.flight.settings import (
     CameraSettings,
     MountSettings,
     StillPose,
+    TakeoffSettings,
     TargetSettings,
+    VideoArea,
 )
 from pipeline.flight.table import Table
 from pipeline.geometry.geodesy import Geodetic
@@ -63,6 +65,39 @@ def _fixed_mount(roll_rad: float, pitch_rad: float, yaw_rad: float) -> MountSett
     return MountSettings(roll_rad=roll_rad, pitch_rad=pitch_rad, yaw_rad=yaw_rad, given=True)
 
 
+TAKEOFF_KEYS = (
+    Key(
+        "height",
+        keys.needed_number(
+            'write takeoff = { height = 61.0, datum = "msl" }', expected="metres", low=-1000, high=100_000
+        ),
+        "height_m",
+    ),
+    Key("datum", keys.choice(("ellipsoid", "msl"), "ellipsoid")),
+)
+
+
+def video_area(table: Table, key: str, folder: Path) -> VideoArea | None:
+    """`{ crop = [x, y, width, height], of = [width, height] }`, in pixels of the calibrated picture."""
+    inner = table.table(key)
+    if inner is None:
+        return None
+    crop, of = inner.vector("crop", 4), inner.vector("of", 2)
+    for name, value in (("crop", crop), ("of", of)):
+        if value is None:
+            raise inner.refuse(
+                name,
+                "crop = [x, y, width, height] and of = [width, height] of the calibrated picture",
+                "write video_area = { crop = [0, 270, 3840, 2160], of = [3840, 2700] }",
+            )
+    assert crop is not None
+    assert of is not None
+    if min(of) < 1 or of[0] % 1 or of[1] % 1:
+        raise inner.refuse("of", "two whole numbers above 0", "write the size of the calibrated picture")
+    inner.done()
+    return VideoArea(crop=(crop[0], crop[1], crop[2], crop[3]), of=(int(of[0]), int(of[1])))
+
+
 SIGMA_KEYS = (
     *(Key(f"{name}_deg", keys.degrees(None, low=0, high=180), f"{name}_rad") for name in ("attitude_bias", "attitude")),
     Key("pixel", keys.number(low=0, above=True), "pixel_px"),
@@ -76,16 +111,21 @@ SIGMA_KEYS = (
 CAMERA_KEYS = (
     Key("calibration", keys.path(needed="make one with `runningfix calibrate`")),
     Key("video", keys.path()),
+    Key("video_area", video_area),
     Key("tracks", keys.path()),
     Key("telemetry", keys.path()),
     Key("pose", keys.section(POSE_KEYS, still_pose)),
     Key("tracker", keys.choice(TRACKERS, "kcf")),
     Key("dialect", keys.dialect),
+    Key("system", keys.whole(low=1, high=255)),
+    Key("gimbal", keys.whole(low=0, high=255)),
+    Key("takeoff", keys.section(TAKEOFF_KEYS, TakeoffSettings)),
     Key("start", keys.start),
     Key("frame_rate", keys.number(low=LOWEST_HZ, high=HIGHEST_HZ)),
     Key("offset_s", keys.number_or("search")),
     Key("clock", keys.choice(("auto", "affine", "drift"), "auto")),
     Key("mount", mount),
+    Key("mount_correction", keys.section(MOUNT_KEYS, _fixed_mount, MountSettings())),
     Key("lever_arm_m", keys.vector((0.0, 0.0, 0.0))),
     Key("sigma", keys.section(SIGMA_KEYS, lambda **found: keys.given(found), {})),
 )

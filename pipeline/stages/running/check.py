@@ -8,7 +8,7 @@ from calibration.camera import CameraModel
 from calibration.foundation.progress import Progress, silent
 from pipeline.flight import Flight
 from pipeline.stages.checks.outlook import Outlook, look_ahead, refuse
-from pipeline.stages.problem.rays import read_models
+from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.running.inputs import check_files
 from pipeline.stages.running.ledger import Ledger, key_of
 from pipeline.stages.running.poses import Measure, measuring

@@ -10,7 +10,7 @@ from calibration.foundation.errors import InputFileError, UsageError
 from calibration.foundation.files import check_regular
 from pipeline.export import EXPORTS
 from pipeline.flight import Flight
-from pipeline.stages.problem.rays import read_models
+from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.running.provenance import input_files
 
 FILE_KEYS = ("calibration", "video", "tracks", "telemetry")
