@@ -58,8 +58,8 @@ def test_every_extra_is_documented():
 
 def test_every_exit_code_is_documented():
     codes = {error.exit_code for error in every_error(RunningFixError) if error is not RunningFixError} | {0, 7}
-    sentence = re.search(r"Exit codes: (.*?)\n\n", DOCS["commands"] + "\n\n", re.DOTALL)[1]
-    assert {int(code) for code in re.findall(r"\b(\d) [a-z]", sentence)} == codes
+    sentence = re.search(r"Exit codes: (.*?)\.", DOCS["commands"], re.DOTALL)[1]
+    assert {int(code) for code in re.findall(r"\b(\d+)\s[a-z]", sentence)} == codes
 
 
 def every_error(kind):
