@@ -35,6 +35,7 @@ from pipeline.solver.offset_search.polynomial_polish import polish_polynomial
 from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
 from pipeline.solver.offset_search.sweep import ClockRange
 from pipeline.solver.offset_search.views import views
+from scripts.validation.figures import tell
 
 FOCAL_PX = 1000.0
 SIGMA = InstrumentSigma(
@@ -65,17 +66,17 @@ class RandomFlight:
     def from_truth(self) -> tuple[OffsetCandidate, float]:
         """The bottom of the right basin, what polishing reaches from the true clocks, and the sigma of that middle."""
         first, second = self.problem.cameras
-        wide = ClockRange(low_s=-1e3, high_s=1e3, stretch=0.1)
+        wide = ClockRange(low_s=-1e3, high_s=1e3, clock_scale=0.1)
         fit = polish_polynomial(
             list(views(self.problem).values()),
             [(0.0, 1.0), (self.offset_s, second.frame_rate / self.frame_rate)],
-            [None, ClockPrior(stretch_sigma=second.sigma.frame_rate, allowed=wide)],
+            [None, ClockPrior(clock_scale_sigma=second.sigma.frame_rate, allowed=wide)],
             orders={t.target: int(t.order) for t in self.problem.targets},
         )
-        offset, stretch = fit.clock[second.camera]
+        offset, clock_scale = fit.clock[second.camera]
         bottom = OffsetCandidate(
             offset_s={first.camera: 0.0, second.camera: offset},
-            frame_rate={first.camera: first.frame_rate, second.camera: second.frame_rate / stretch},
+            frame_rate={first.camera: first.frame_rate, second.camera: second.frame_rate / clock_scale},
             cost=fit.cost,
         )
         return bottom, fit.sigma_s[second.camera]
@@ -212,6 +213,10 @@ def main() -> None:
                 told,
                 f"from truth {flight.middle_error_s(best):+.3f} +- {sigma:.3f} s at {best.cost:.1f}",
             )
+    tell({
+        "flights": given.scenes, "right": right, "ambiguous": flagged, "wrong_and_silent": silent,
+        "median_error_s": float(np.median(errors)), "seconds_a_flight": float(np.mean(seconds)),
+    })  # fmt: skip
     print(f"right basin in {right} of {given.scenes}; {flagged} flagged ambiguous; wrong and not flagged: {silent}")
     print(
         f"error of the middle: median {np.median(errors):.3f} s, 95 % {np.percentile(errors, 95):.3f} s; "

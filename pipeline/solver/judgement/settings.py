@@ -1,8 +1,8 @@
 """What the judgement calls unlikely. Every constant here moves the line between "good", "care" and "bad".
 
-`scripts/validation/check_verdict.py` measures what they give on flights drawn by a simulator of its own. The aim: of flights
-without a mistake at most 3 of 100 get "care" or worse and 1 of 200 "bad"; of flights with a mistake that moves the
-answer by more than two of its own sigmas at most 2 of 100 are "good".
+`scripts/validation/check_verdict.py` measures what they give on flights drawn by a simulator of its own. The aim: of
+flights without a mistake at most 3 of 100 get "care" or worse and 1 of 200 "bad"; of flights with a mistake that moves
+the answer by more than two of its own sigmas at most 2 of 100 are "good".
 """
 
 from __future__ import annotations

@@ -65,6 +65,16 @@ def test_spells_follow_the_states():
     assert len(times_seen(results, track.camera, track.target)) == 2
 
 
+def test_a_target_that_is_never_found_again_was_not_lost_and_found():
+    results = fake_results()
+    track = results.tracks[0]
+    for states, count in (([TRACKED, LOST, LOST], 0), ([LOST, TRACKED, LOST], 1), ([LOST, TRACKED, TRACKED], 1)):
+        state = np.repeat(states, -(-len(track.frame) // 3))[: len(track.frame)]
+        xy = np.where((state == LOST)[:, None], np.nan, np.zeros((len(state), 2)))
+        alone = dataclasses.replace(track, state=state, xy_px=xy)
+        assert losses(dataclasses.replace(results, tracks=(alone,)), track.target) == count
+
+
 def test_a_gap_in_the_frames_is_a_loss():
     results = fake_results()
     track = results.tracks[0]
