@@ -57,7 +57,7 @@ class Layout:
     def dtype(self) -> np.dtype[np.void]:
         """The whole message of the declared length, header included; what the letters leave is padding."""
         form = np.dtype([("head", "S3"), *((name, LETTERS[letter]) for name, letter in self.members)])
-        if form.itemsize == self.length:
+        if form.itemsize >= self.length:
             return form
         assert form.names is not None
         assert form.fields is not None
