@@ -58,8 +58,8 @@ RECEIVER_SIGMA_M = 3.0
 ABSOLUTE_SIGMA_M = 50.0
 """DJI's abs_alt is the pressure's height in the standard atmosphere, near sea level 8 m a hectopascal: weather is 50 m,
 and public samples are off by as much."""
-BAROMETER_SIGMA_M = 2.0
-"""Above home: what pressure drifts during a flight."""
+BAROMETER_SIGMA_M = 3.0
+"""Above home: what pressure drifts during a flight, and what a take-off height from a map is worth."""
 LOWEST_LAND_M = -30.0
 """A take-off place below this is a wrong pressure: only a few basins are lower."""
 

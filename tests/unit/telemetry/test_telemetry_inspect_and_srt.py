@@ -70,7 +70,7 @@ def test_subtitles_of_real_models(name, valid):
     if not (REAL / name).exists():
         pytest.skip(f"{name} is not beside the project (../shared/real/dji-srt)")
     position = read_log(REAL / name).position
-    assert (None if position is None else int(position.valid.sum())) == valid
+    assert (None if position is None else int(position.told.sum())) == valid
 
 
 def test_a_log_is_told_in_words(tmp_path):
