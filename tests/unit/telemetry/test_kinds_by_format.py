@@ -2,7 +2,7 @@
 
 kind          .tlog                      DataFlash                  ULog                        subtitles
 whose row     heartbeat, system, gimbal  instance (I), receiver U   instance, gimbal_device_id  one flight
-two boots     test_telemetry_logs        POS and GPS time           topics that fall back       cues that fall back
+two boots     test_logs                  POS and GPS time           topics that fall back       cues that fall back
 validity      fix_type, encoder error    Status                     lat_lon_valid, alt_valid    0, 0
 frames        servo flags, yaw, north    MNT of servos              flags of servos             stated by DJI
 heights       equal, EGM96, parameter    equal (AEl), parameter     equal                       home, wrong pressure
