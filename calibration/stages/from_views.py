@@ -29,6 +29,7 @@ from calibration.camera import CameraModel
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import CalibrationError, InputFileError, UsageError
 from calibration.judgement.coverage import Coverage, coverage, grid_of, lattice, reached
+from calibration.judgement.duplicates import without_copies
 from calibration.judgement.outliers import agreeing, contradicting, kept, two_cameras
 from calibration.judgement.result import CalibratedView, Calibration, DirectionSigma, RejectedView
 from calibration.judgement.verdict import Diagnosis, advice, judge, refuse_undetermined
@@ -54,6 +55,8 @@ def calibrate(
     Raises InputFileError for mixed image sizes, CalibrationError where the views cannot determine the camera (fewer
     than 3, all fronto-parallel, all in one corner, two cameras mixed), UsageError for unknown `terms`.
     """
+    views, copies = without_copies(views)
+    rejected = [*rejected, *(_copy(view, first) for view, first in copies)]
     _check(views, terms)
     board_m = board.points_m - board.points_m.mean(axis=0)
     noise = corner_noise_px([grid_of(v, board.cols, board.rows) for v in views])
@@ -65,6 +68,10 @@ def calibrate(
     reach = coverage(views, best.fit.rotation, best.fit.translation_m)
     refuse_undetermined(best, reach, views)
     return _calibration(best, views, board, corners, noise, diagnosis, reach, (*rejected, *outliers))
+
+
+def _copy(view: BoardView, first: BoardView) -> RejectedView:
+    return RejectedView(name=view.name, reason=f"the same picture as {first.name}, which counts once", harmless=True)
 
 
 def _check(views: Sequence[BoardView], terms: str) -> None:
