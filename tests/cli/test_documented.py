@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from calibration.foundation.errors import RunningFixError
+from calibration.foundation.errors import DID_NOT_CONVERGE, RunningFixError
+from pipeline.cli import door
 from pipeline.cli.parser import build_parser
+from pipeline.export.exporters import EXPORTS
 from pipeline.flight import read_flight
 
 ROOT = Path(__file__).parents[2]
@@ -57,7 +59,8 @@ def test_every_extra_is_documented():
 
 
 def test_every_exit_code_is_documented():
-    codes = {error.exit_code for error in every_error(RunningFixError) if error is not RunningFixError} | {0, 7}
+    known = {RunningFixError, *every_error(RunningFixError), door.InternalError, door.EndedByUserError}
+    codes = {error.exit_code for error in known} | {0, DID_NOT_CONVERGE}
     sentence = re.search(r"Exit codes: (.*?)\.", DOCS["commands"], re.DOTALL)[1]
     assert {int(code) for code in re.findall(r"\b(\d+)\s[a-z]", sentence)} == codes
 
@@ -66,6 +69,12 @@ def every_error(kind):
     yield kind
     for below in kind.__subclasses__():
         yield from every_error(below)
+
+
+def test_every_output_is_documented():
+    rows = [line.split("|")[1] for line in DOCS["outputs"].splitlines() if line.startswith("| `")]
+    for name in (*(exporter.file_name for exporter in EXPORTS), "tracks.csv", "poses.csv", "report.html"):
+        assert any(f"`{name}`" in row or f"`.{name.rpartition('.')[2]}`" in row for row in rows), name
 
 
 def test_the_readme_is_two_screens():
