@@ -121,7 +121,7 @@ def _marker_shares(gray: Image, board: Board) -> list[float]:
     detector = cv2.aruco.ArucoDetector(charuco_board(board).getDictionary())
     corners, _, _ = detector.detectMarkers(gray)
     flat, _ = cv2.findHomography(found.corners, board.points_m[found.index, :2] / board.square_m)
-    if flat is None:
+    if np.ndim(flat) != 2:
         return []
     sides = []
     for marker in corners:
