@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from calibration.camera import CameraModel
@@ -27,6 +28,12 @@ def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
     over an input.
     """
     check_files(flight)
+    check_output(flight, out)
+    return read_models(flight)
+
+
+def check_output(flight: Flight, out: Path) -> None:
+    """Raises UsageError where results would be written over an input."""
     for path in input_files(flight).values():
         if WRITTEN.fullmatch(path.name) and path.resolve().parent == out.resolve():
             raise UsageError(
@@ -35,13 +42,12 @@ def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
                 expected="a folder in which results write over no input",
                 advice="choose another -o folder",
             )
-    return read_models(flight)
 
 
-def check_files(flight: Flight) -> None:
-    """Raises InputFileError where a file that the flight names is missing, or is none."""
+def check_files(flight: Flight, keys: Sequence[str] = FILE_KEYS) -> None:
+    """Raises InputFileError where a file that the flight names under one of `keys` is missing, or is none."""
     for camera in flight.cameras:
-        for key in FILE_KEYS:
+        for key in keys:
             path: Path | None = getattr(camera, key)
             if path is not None:
                 _check_file(flight, camera.name, key, path)

@@ -12,7 +12,7 @@ from pipeline.records import ImageTrack
 from pipeline.stages.checks.outlook import Outlook, refuse
 from pipeline.stages.checks.videos import video_doubts
 from pipeline.stages.inputs.tracks import boxes_of, detections, draw_overlay
-from pipeline.stages.running.inputs import check_inputs
+from pipeline.stages.running.inputs import check_files, check_output
 from pipeline.stages.running.ledger import FOLDER, Ledger, key_of, writing
 from pipeline.stages.running.provenance import decisive, file_hash
 from pipeline.stages.running.summary import RunSummary, StageSeconds
@@ -27,7 +27,8 @@ def run_track(
     flight: Flight, out: Path, *, resume: bool = False, overlay: bool = False, progress: Progress = silent
 ) -> RunSummary:
     """Tracks every video, with `resume` only what is not finished, then writes `tracks.csv`; draws with `overlay`."""
-    check_inputs(flight, out)
+    check_files(flight, ("video", "tracks"))
+    check_output(flight, out)
     videos = {c.name: video_times(c.video) for c in flight.cameras if c.video is not None}
     refuse(Outlook(doubts=tuple(video_doubts(flight, videos))))
     with writing(out) as ledger:
