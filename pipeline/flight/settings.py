@@ -13,6 +13,8 @@ from pipeline.records.motion import MotionKind
 from pipeline.records.problem import ClockKind, Method, Robust
 
 Vector = tuple[float, float, float]
+CAMERA_EVENT, AUTO = "camera-event", "auto"
+"""`start` in words: the first exposure that the log knows of; found by the camera's turning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,12 +29,21 @@ class StillPose:
 
 @dataclass(frozen=True, kw_only=True)
 class MountSettings:
-    """Camera to body: fixed FRD angles, or `gimbal`: read from the log."""
+    """Camera to body: fixed FRD angles, or `gimbal`: read from the log. `given`: the flight file says so."""
 
     yaw_rad: float = 0.0
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     gimbal: bool = False
+    given: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoArea:
+    """What a video shows of the calibrated picture: crop (x, y, width, height) of a picture of size `of`, pixels."""
+
+    crop: tuple[float, float, float, float]
+    of: tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +57,7 @@ class CameraSettings:
     name: str
     calibration: Path
     video: Path | None = None
+    video_area: VideoArea | None = None
     tracks: Path | None = None
     tracker: TrackerName = "kcf"
     telemetry: Path | None = None
