@@ -41,8 +41,8 @@ class BoxTrackerSettings:
     look_px        side of the picture that is kept of what the box held
     remember       share of a new look in that; doubled, what slowly covers a target is taken for it
     least_likeness correlation with that below which the target is covered
-    sigma_share    what its centre is worth, one sigma per axis, in sides of the box: labels drawn by people differ by half
-                   of that; halved, its fixes claim what they do not hold
+    sigma_share    what its centre is worth, one sigma per axis, in sides of the box: labels differ by half of
+                   that; halved, its fixes claim what they do not hold
     """
 
     box_px: float = 24.0
@@ -110,7 +110,7 @@ SLIDE = SlideSettings()
 class WatchSettings:
     """How surface and box are weighed against each other.
 
-    apart          sides of the box by which a surface point may lie off the box tracker's centre: a body turns by 0.2 of it
+    apart          sides of the box by which a surface point may lie off the box tracker's centre: bodies turn by 0.2
     score_drop     below the usual score from which the surface point is to blame where they part
     memory_frames  for which a drop of the score is remembered
     rigid_score    usual score of a target that keeps its look: rendered cars have 0.95, walkers 0.85

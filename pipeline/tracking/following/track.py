@@ -78,7 +78,7 @@ def track_video(
         image_size=video.size,
         outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
         predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
-        notes=(*video.notes, *_losses(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
+        notes=(*video.notes, *_losses(tracks), *_by_box(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
     )
 
 
@@ -233,12 +233,14 @@ def _track(camera: str, target: str, fixes: Fixes, times: Floats) -> ImageTrack:
     first = int(fixes.frame[0])
     n, rows = len(times) - first, fixes.frame - first
     xy, sigma, state = np.full((n, 2), np.nan), np.full(n, np.nan), np.full(n, LOST)
-    xy[rows], sigma[rows] = fixes.xy_px, fixes.sigma_px
+    boxed = np.zeros(n, bool)
+    xy[rows], sigma[rows], boxed[rows] = fixes.xy_px, fixes.sigma_px, fixes.box
     state[rows] = np.where(np.diff(rows, prepend=-1) > 1, REACQUIRED, TRACKED)
     frame = np.arange(first, len(times))
     return ImageTrack(
-        camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state
-    )
+        camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state,
+        box=boxed,
+    )  # fmt: skip
 
 
 def _outlines(box: Box, fixes: Fixes, frames: int) -> Floats:
@@ -313,6 +315,16 @@ def _losses(tracks: tuple[ImageTrack, ...]) -> Iterator[str]:
             yield (
                 f"{track.camera}: {track.target} was last seen on frame {last} ({track.time_s[seen[-1]]:.2f} s) and "
                 f"not found again in the remaining {end - last} frames"
+            )
+
+
+def _by_box(tracks: tuple[ImageTrack, ...]) -> Iterator[str]:
+    for track in tracks:
+        if track.by_box.any():
+            yield (
+                f"{track.camera}: {track.target} shows no lasting surface point in {int(track.by_box.sum())} of "
+                f"{int(track.seen.sum())} fixes; there the middle of its box is given, to "
+                f"{float(np.median(track.sigma_px[track.by_box])):.1f} px"
             )
 
 

@@ -1,9 +1,10 @@
 """A target watched by two that do not know of each other: the alignment of its surface, and the box tracker.
 
 surface   `follow`: a point of the target to a fraction of a pixel, as long as that looks like itself
-box       `box_tracker`: the middle of the whole target to a tenth of its side; it speaks where there is no surface point
-parted    where the two part, the one whose look had become doubtful before is to blame: the surface point is lost, or the
-          box starts again
+box       `box_tracker`: the middle of the whole target to a tenth of its side; it speaks where the
+          surface does not
+parted    where the two part, the one whose look had become doubtful before is to blame: the surface point is lost, or
+          the box starts again
 slide     whatever is followed and begins to move as the scene does, and was seen in the scene before, is lost since it
           was last certain (`slide`); what had been handed on since then is taken back
 """
@@ -111,9 +112,9 @@ def watch(watched: Watched, scene: Scene, settings: TrackingSettings) -> tuple[W
 
 
 def _let_go(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
-    """The box tracker lost what it held alone: what had not proved certain since may have been what covers the target."""
+    """The box tracker lost what it held alone: what is not certain of it may have been what covers the target."""
     trail = watched.trail
-    after = np.abs(scene.frame - trail.frame) < abs(scene.frame - trail.certain)
+    after = trail.by_box & (np.abs(scene.frame - trail.frame) < abs(scene.frame - trail.certain))
     taken = tuple(int(f) for f in trail.frame[after])
     return changed(watched, trail=_cut(trail, ~after)), Seen(fixes=seen.fixes, taken_back=(*seen.taken_back, *taken))
 
@@ -121,7 +122,7 @@ def _let_go(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
 def _cut(trail: Trail, kept: Bools) -> Trail:
     return changed(
         trail, frame=trail.frame[kept], time_s=trail.time_s[kept], own_px=trail.own_px[kept],
-        ground_px=trail.ground_px[kept], suspicious=0,
+        ground_px=trail.ground_px[kept], by_box=trail.by_box[kept], suspicious=0,
     )  # fmt: skip
 
 
@@ -184,6 +185,8 @@ def _weighed(
     if here is None:
         if box is None or not looked:
             return watched, Seen(fixes=fixes)
+        if not np.isfinite(watched.trail.velocity).all():  # too soon lost for a slide to be seen
+            return changed(watched, box=None, together=False), Seen(fixes=fixes)
         fix = _box_fix(watched, box, scene)
         return _went(changed(watched, together=False, agreed=scene.frame), scene, fix), Seen(fixes=(*fixes, fix))
     if box is None and watched.doubted == scene.frame:  # a doubtful look, and nobody else who sees it
@@ -208,7 +211,9 @@ def _weighed(
 
 def _went(watched: Watched, scene: Scene, fix: Fix) -> Watched:
     """With one more place on the trail; the surface as it is becomes safe once its frame has proved certain."""
-    trail = extended(watched.trail, scene, np.array(fix.xy_px), float(np.sqrt(watched.size_px.prod())))
+    trail = extended(
+        watched.trail, scene, np.array(fix.xy_px), float(np.sqrt(watched.size_px.prod())), fix.kind == "box"
+    )
     proved = abs(scene.frame - trail.certain) <= abs(scene.frame - watched.tried_at)
     if proved and not watched.surface.hidden and not watched.surface.pending:
         return changed(watched, trail=trail, safe=watched.tried, tried=watched.surface, tried_at=scene.frame)
@@ -233,7 +238,8 @@ def _slid(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
         dt_s = np.abs(trail.time_s - trail.time_s[certain])
         expected = trail.ground_px[certain] + trail.velocity * dt_s[:, None]
         off = np.where(sure, 0.0, np.hypot(*(trail.ground_px - expected).T))
-        bad = ~sure & (box_alone | (np.maximum.accumulate(off) > SLIDE.kept_sizes * size))
+        strayed = np.maximum.accumulate(off) > SLIDE.kept_sizes * size
+        bad = ~sure & (trail.by_box | strayed | (not proved))
         place, lost_s = expected[-1], float(dt_s[-1])
     else:
         bad, place, lost_s = ~sure, watched.safe.course.position_px, watched.safe.lost_s

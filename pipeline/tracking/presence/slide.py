@@ -33,6 +33,7 @@ class Trail:
     frame, time_s  (m,)
     own_px         (m, 2) where it was in its own frame
     ground_px      (m, 2) where the ground that was under it then is now
+    by_box         (m,) whether the box tracker said so alone
     velocity       (2,) over the ground, px/s as seen now, while it was certainly seen; NaN where not known
     certain        number of the last frame up to which it is certain
     suspicious     frames in a row that look slid
@@ -42,6 +43,7 @@ class Trail:
     time_s: Floats
     own_px: Floats
     ground_px: Floats
+    by_box: Bools
     velocity: Floats
     certain: int
     suspicious: int = 0
@@ -51,7 +53,7 @@ def first_trail(frame: int, time_s: float, xy_px: Floats) -> Trail:
     """The trail of a target that was just boxed."""
     place = np.asarray(xy_px, float)[None]
     return Trail(
-        frame=np.array([frame]), time_s=np.array([time_s]), own_px=place, ground_px=place,
+        frame=np.array([frame]), time_s=np.array([time_s]), own_px=place, ground_px=place, by_box=np.zeros(1, bool),
         velocity=np.full(2, np.nan), certain=frame,
     )  # fmt: skip
 
@@ -65,10 +67,11 @@ def carried_trail(trail: Trail, scene: Scene) -> Trail:
     return changed(trail, ground_px=through[:, :2] / through[:, 2:], velocity=jacobian @ trail.velocity)
 
 
-def extended(trail: Trail, scene: Scene, xy_px: Floats, size_px: float) -> Trail:
+def extended(trail: Trail, scene: Scene, xy_px: Floats, size_px: float, by_box: bool) -> Trail:
     """The trail with the place in this frame, and what it says of certainty and velocity.
 
     size_px  geometric mean of the target's sides now
+    by_box   whether the box tracker said so alone
     """
     recent: Bools = np.abs(scene.time_s - trail.time_s) < SLIDE.longest_s
     place = np.asarray(xy_px, float)
@@ -78,6 +81,7 @@ def extended(trail: Trail, scene: Scene, xy_px: Floats, size_px: float) -> Trail
         time_s=np.append(trail.time_s[recent], scene.time_s),
         own_px=np.vstack([trail.own_px[recent], place]),
         ground_px=np.vstack([trail.ground_px[recent], place]),
+        by_box=np.append(trail.by_box[recent], by_box),
     )
     return _judged(longer, size_px)
 
@@ -114,7 +118,7 @@ def has_slid(trail: Trail, scene: Scene, size_px: Floats, doubtful: bool) -> boo
     """Whether the last place of a trail is a piece of the scene: it stands still, and was seen there before.
 
     size_px   (2,) sides of the target now
-    doubtful  whether its look was, since it was last certain: then standing still is enough where no earlier frame tells
+    doubtful  whether its look was, since it was last certain: then standing still is enough where nothing else tells
     """
     if trail.suspicious < SLIDE.frames:
         return False

@@ -1,8 +1,8 @@
 """The box tracker: an opinion of its own on where the whole target is, which the alignment's template cannot bend.
 
-OpenCV's CSRT is given a *chip*: the image around where the target is expected, scaled so that the target's box is
-`BoxTrackerSettings.box_px` on a side. It follows the look of the whole box and its size, learns slowly, and answers with a
-box that is right to about a tenth of its side. Chips follow its own size alone, never the template's shape; where the
+OpenCV's CSRT is given a *chip*: the image around where the target is expected, scaled so that its box is
+`BoxTrackerSettings.box_px` on a side. It follows the look of the whole box and its size, learns slowly, and gives
+a box that is right to about a tenth of its side. Chips follow its own size alone, never the template's shape; where the
 box strays from the chip's middle, or has become larger or smaller, it starts again at its own answer.
 
 It is dear (ten to fifteen milliseconds of processor time a look), so it is asked seldom while nothing is in doubt.

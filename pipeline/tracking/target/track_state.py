@@ -23,7 +23,7 @@ SLOWER, LEAST_TOLD_PX = 0.3, 3.0
 class Fix:
     """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since.
 
-    kind  "surface": a point of the target's surface, to a fraction of a pixel; "box": the middle of the box that holds it
+    kind  "surface": a point of the target's surface, to a fraction of a pixel; "box": the middle of its box
     """
 
     frame: int
