@@ -10,6 +10,7 @@ from pipeline.flight.settings import (
     CameraSettings,
     MountSettings,
     StillPose,
+    TakeoffSettings,
     TargetSettings,
     VideoArea,
 )
@@ -64,6 +65,18 @@ def _fixed_mount(roll_rad: float, pitch_rad: float, yaw_rad: float) -> MountSett
     return MountSettings(roll_rad=roll_rad, pitch_rad=pitch_rad, yaw_rad=yaw_rad, given=True)
 
 
+TAKEOFF_KEYS = (
+    Key(
+        "height",
+        keys.needed_number(
+            'write takeoff = { height = 61.0, datum = "msl" }', expected="metres", low=-1000, high=100_000
+        ),
+        "height_m",
+    ),
+    Key("datum", keys.choice(("ellipsoid", "msl"), "ellipsoid")),
+)
+
+
 def video_area(table: Table, key: str, folder: Path) -> VideoArea | None:
     """`{ crop = [x, y, width, height], of = [width, height] }`, in pixels of the calibrated picture."""
     inner = table.table(key)
@@ -104,11 +117,15 @@ CAMERA_KEYS = (
     Key("pose", keys.section(POSE_KEYS, still_pose)),
     Key("tracker", keys.choice(TRACKERS, "kcf")),
     Key("dialect", keys.dialect),
+    Key("system", keys.whole(low=1, high=255)),
+    Key("gimbal", keys.whole(low=0, high=255)),
+    Key("takeoff", keys.section(TAKEOFF_KEYS, TakeoffSettings)),
     Key("start", keys.start),
     Key("frame_rate", keys.number(low=LOWEST_HZ, high=HIGHEST_HZ)),
     Key("offset_s", keys.number_or("search")),
     Key("clock", keys.choice(("auto", "affine", "drift"), "auto")),
     Key("mount", mount),
+    Key("mount_correction", keys.section(MOUNT_KEYS, _fixed_mount, MountSettings())),
     Key("lever_arm_m", keys.vector((0.0, 0.0, 0.0))),
     Key("sigma", keys.section(SIGMA_KEYS, lambda **found: keys.given(found), {})),
 )

@@ -4,7 +4,9 @@ from pipeline.telemetry.camera_pose.from_log import Mount, camera_poses, covered
 from pipeline.telemetry.camera_pose.from_table import PoseTable, is_pose_table, read_pose_table, table_poses
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
 from pipeline.telemetry.camera_pose.sigma import log_sigma
+from pipeline.telemetry.clocks.own_clock import log_seconds
 from pipeline.telemetry.excerpts.excerpt import Excerpt
+from pipeline.telemetry.heights.takeoff import with_takeoff
 from pipeline.telemetry.inspection import Inspection, inspect_log
 from pipeline.telemetry.log.flight_log import (
     Accuracy,
@@ -40,6 +42,7 @@ __all__ = [
     "first_position",
     "inspect_log",
     "is_pose_table",
+    "log_seconds",
     "log_sigma",
     "log_span",
     "match_turns",
@@ -48,4 +51,5 @@ __all__ = [
     "resolve_start",
     "table_poses",
     "utc_at",
+    "with_takeoff",
 ]

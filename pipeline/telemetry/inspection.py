@@ -98,7 +98,8 @@ def _missing(log: FlightLog) -> tuple[str, ...]:
 
 
 def _head(log: FlightLog) -> list[str]:
-    who = "" if log.system is None else f", system {log.system} component {log.component}"
+    who = "" if log.system is None else f", system {log.system}"
+    who += "" if log.component is None else f" component {log.component}"
     lines = [f"{log.path.name}: {log.format}, {sum(log.counts.values())} messages of {len(log.counts)} kinds{who}"]
     if log.corrupt_packets:
         lines.append(f"{log.corrupt_packets} corrupt packets or stretches, none of them used")

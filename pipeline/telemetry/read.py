@@ -6,6 +6,7 @@ from pathlib import Path
 
 from calibration.foundation.compiled import AVAILABLE
 from calibration.foundation.errors import InputFileError
+from pipeline.telemetry.clocks.own_clock import with_clock_notes
 from pipeline.telemetry.dataflash.flight import dataflash_flight
 from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
 from pipeline.telemetry.excerpts.excerpt import Excerpt, PieceReader, read_excerpts
@@ -13,6 +14,7 @@ from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
 from pipeline.telemetry.log.flight_log import FlightLog, LogFormat
 from pipeline.telemetry.log.mapped_file import mapped
 from pipeline.telemetry.log.tables import Progress, RawLog
+from pipeline.telemetry.log.validity import with_validity_notes
 from pipeline.telemetry.mavlink.flight import mavlink_flight
 from pipeline.telemetry.mavlink.packets.names import FIELDS
 from pipeline.telemetry.subtitles.dji import read_dji_srt
@@ -28,6 +30,7 @@ def read_log(
     path: Path,
     *,
     system: int | None = None,
+    gimbal: int | None = None,
     dialect: str = "",
     excerpts: tuple[Excerpt, ...] = (),
     progress: Progress = None,
@@ -36,27 +39,34 @@ def read_log(
 
     With `excerpts` at least they are in it whole, and of the rest a sample, where the format (`.tlog` by the fast
     reader, binary DataFlash) and the log (`read_excerpts`) allow; else everything is.
-    `system` picks one vehicle of a MAVLink link by its system id. `dialect` names a pymavlink dialect or a file of
+    `system` picks one vehicle of a MAVLink link by its system id, `gimbal` one gimbal of a vehicle: by its device or
+    component, in DataFlash and PX4 logs by its instance. `dialect` names a pymavlink dialect or a file of
     message definitions (.xml) for MAVLink; "" is ardupilotmega, with the common messages, by the fast reader.
     `progress` is called with the share done, 0 to 1.
 
     Raises InputFileError where the file is missing, of no known kind, or holds no vehicle, UsageError where there is no
     such dialect.
     """
+    return with_validity_notes(with_clock_notes(_read(path, system, gimbal, dialect, excerpts, progress)))
+
+
+def _read(
+    path: Path, system: int | None, gimbal: int | None, dialect: str, excerpts: tuple[Excerpt, ...], progress: Progress
+) -> FlightLog:
     kind = log_format(path)
-    reader = _piece_reader(path, kind, system, dialect) if excerpts else None
+    reader = _piece_reader(path, kind, system, gimbal, dialect) if excerpts else None
     excerpt = None if reader is None else read_excerpts(reader, excerpts)
     if excerpt is not None:
         return excerpt
     match kind:
         case "tlog" | "mavlink":
-            return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system)
+            return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system, gimbal=gimbal)
         case "ulog":
-            return read_ulog(path, progress=progress)
+            return read_ulog(path, gimbal=gimbal, progress=progress)
         case "dataflash":
-            return dataflash_flight(read_dataflash(path, progress=progress))
+            return dataflash_flight(read_dataflash(path, progress=progress), gimbal=gimbal)
         case "dataflash text":
-            return dataflash_flight(read_dataflash_text(path, progress=progress))
+            return dataflash_flight(read_dataflash_text(path, progress=progress), gimbal=gimbal)
         case "dji srt":
             return read_dji_srt(path, progress=progress)
 
@@ -82,11 +92,13 @@ def log_format(path: Path) -> LogFormat:
     )
 
 
-def _piece_reader(path: Path, kind: LogFormat, system: int | None, dialect: str) -> PieceReader | None:
+def _piece_reader(
+    path: Path, kind: LogFormat, system: int | None, gimbal: int | None, dialect: str
+) -> PieceReader | None:
     """How the log is read in pieces; None where its format never is."""
     if kind == "tlog" and AVAILABLE and not dialect:
-        return tlog_pieces(path, system=system)
-    return dataflash_pieces(path) if kind == "dataflash" else None
+        return tlog_pieces(path, system=system, gimbal=gimbal)
+    return dataflash_pieces(path, gimbal=gimbal) if kind == "dataflash" else None
 
 
 def read_mavlink(path: Path, *, dialect: str = "", progress: Progress = None) -> RawLog:

@@ -13,10 +13,10 @@ import time
 from pathlib import Path
 
 from pipeline.experiments import EXPERIMENTS, Outcome, processes, run_experiments, sentence, verdict, write_outcome
-from pipeline.experiments.figures import figure_of
-from pipeline.experiments.ratios import of_means, of_medians
-from pipeline.experiments.summary import TWO_SIDED
-from pipeline.experiments.verdict import where
+from pipeline.experiments.statistics.figures import figure_of
+from pipeline.experiments.statistics.ratios import of_means, of_medians
+from pipeline.experiments.statistics.summary import TWO_SIDED
+from pipeline.experiments.statistics.verdict import where
 
 ALLOWED = 1.08
 

@@ -65,17 +65,17 @@ class RandomFlight:
     def from_truth(self) -> tuple[OffsetCandidate, float]:
         """The bottom of the right basin, what polishing reaches from the true clocks, and the sigma of that middle."""
         first, second = self.problem.cameras
-        wide = ClockRange(low_s=-1e3, high_s=1e3, stretch=0.1)
+        wide = ClockRange(low_s=-1e3, high_s=1e3, clock_scale=0.1)
         fit = polish_polynomial(
             list(views(self.problem).values()),
             [(0.0, 1.0), (self.offset_s, second.frame_rate / self.frame_rate)],
-            [None, ClockPrior(stretch_sigma=second.sigma.frame_rate, allowed=wide)],
+            [None, ClockPrior(clock_scale_sigma=second.sigma.frame_rate, allowed=wide)],
             orders={t.target: int(t.order) for t in self.problem.targets},
         )
-        offset, stretch = fit.clock[second.camera]
+        offset, clock_scale = fit.clock[second.camera]
         bottom = OffsetCandidate(
             offset_s={first.camera: 0.0, second.camera: offset},
-            frame_rate={first.camera: first.frame_rate, second.camera: second.frame_rate / stretch},
+            frame_rate={first.camera: first.frame_rate, second.camera: second.frame_rate / clock_scale},
             cost=fit.cost,
         )
         return bottom, fit.sigma_s[second.camera]

@@ -2,7 +2,7 @@
 
 usage: python -m scripts.validation.check_solver_limit [--seeds 200] [--jobs 1] [--first-seed 0] [--json]
 
-The flights are those of the paper's section 3.1 (`pipeline.experiments.scenes.paper_flight`, two UAVs, 50 frames each,
+The flights are those of the paper's section 3.1 (`paper_flight` of the experiments, two UAVs, 50 frames each,
 offset 5 frames, told as zero): 1 and 4 targets, order 1 and 2, high and low noise, the second camera's frame rate told
 right or 10 % wrong with a prior of 10 %. The bound is computed apart from the solver, from derivatives at the truth.
 
@@ -24,12 +24,12 @@ from functools import cache
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.experiments import noises
-from pipeline.experiments.answers import answer_of
-from pipeline.experiments.bound import bound
-from pipeline.experiments.measure import motion_nees, viewpoint_errors
-from pipeline.experiments.runner import processes
-from pipeline.experiments.scenes import PAPER_RATE_HZ, paper_flight
+from pipeline.experiments.flying.answers import answer_of
+from pipeline.experiments.flying.bound import bound
+from pipeline.experiments.flying.measure import motion_nees, viewpoint_errors
+from pipeline.experiments.paper import noise_levels
+from pipeline.experiments.paper.scenes import PAPER_RATE_HZ, paper_flight
+from pipeline.experiments.running.runner import processes
 from pipeline.records import SolverSettings
 from pipeline.solver import solve
 from pipeline.synthetic.scene import Scene
@@ -37,7 +37,7 @@ from pipeline.synthetic.simulate import Noise, simulate
 
 MOST_OVER_BOUND, LEAST_NEES, MOST_NEES = 1.08, 0.85, 1.15
 RATES_HZ = {"right": PAPER_RATE_HZ, "10 % wrong": 0.9 * PAPER_RATE_HZ}
-NOISES = {"high": noises.HIGH, "low": noises.LOW}
+NOISES = {"high": noise_levels.HIGH, "low": noise_levels.LOW}
 SEEDS_PER_JOB = 20
 
 

@@ -158,6 +158,12 @@ CHECKS = (
         says="the paper's experiments, 1000 flights each: map against every method and the bound",
     ),
     Check(
+        name="mutants",
+        module="check_mutants",
+        minutes=240,
+        says="150 small faults put into the code, one at a time: how many of them the tests find",
+    ),
+    Check(
         name="resume",
         module="check_resume",
         minutes=3,

@@ -26,11 +26,7 @@ def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
     Raises InputFileError where a file is missing or a camera file is wrong, UsageError where results would be written
     over an input.
     """
-    for camera in flight.cameras:
-        for key in FILE_KEYS:
-            path: Path | None = getattr(camera, key)
-            if path is not None:
-                _check_file(flight, camera.name, key, path)
+    check_files(flight)
     for path in input_files(flight).values():
         if WRITTEN.fullmatch(path.name) and path.resolve().parent == out.resolve():
             raise UsageError(
@@ -40,6 +36,15 @@ def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
                 advice="choose another -o folder",
             )
     return read_models(flight)
+
+
+def check_files(flight: Flight) -> None:
+    """Raises InputFileError where a file that the flight names is missing, or is none."""
+    for camera in flight.cameras:
+        for key in FILE_KEYS:
+            path: Path | None = getattr(camera, key)
+            if path is not None:
+                _check_file(flight, camera.name, key, path)
 
 
 def _check_file(flight: Flight, camera: str, key: str, path: Path) -> None:

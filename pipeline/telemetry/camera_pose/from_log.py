@@ -26,16 +26,21 @@ from pipeline.telemetry.log.missing import missing_attitude, missing_gimbal, mis
 @dataclass(frozen=True, kw_only=True)
 class Mount:
     """How the camera sits: yaw, pitch, roll of the camera (an FRD body along its optical axis) in the vehicle's body,
-    or, with `gimbal`, in the gimbal's own axes (zero where the camera looks along them)."""
+    or, with `gimbal`, in the gimbal's own axes (zero where the camera looks along them); `correction_rad` (yaw, pitch,
+    roll) turns the camera in its mount first."""
 
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
     yaw_rad: float = 0.0
     gimbal: bool = False
+    correction_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def body_from_mount(self) -> Floats:
         """The boresight as a quaternion (4,)."""
-        return rotation.ned_from_frd(np.array(self.yaw_rad), np.array(self.pitch_rad), np.array(self.roll_rad))
+        mount = rotation.ned_from_frd(np.array(self.yaw_rad), np.array(self.pitch_rad), np.array(self.roll_rad))
+        if not any(self.correction_rad):
+            return mount
+        return rotation.multiply(mount, rotation.ned_from_frd(*(np.array(angle) for angle in self.correction_rad)))
 
 
 def camera_poses(

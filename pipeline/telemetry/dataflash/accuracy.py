@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.telemetry.dataflash.tables import first_instance
+from pipeline.telemetry.dataflash.tables import accuracy_in_use
 from pipeline.telemetry.log.flight_log import (
     Accuracy,
 )
@@ -14,7 +14,7 @@ from pipeline.telemetry.log.tables import RawLog
 
 def stated_accuracy(raw: RawLog) -> Accuracy:
     """The sigmas that the log states; NaN where it does not."""
-    table = first_instance(raw.table("GPA"))
+    table = accuracy_in_use(raw)
     if table is None or "HAcc" not in table:
         return Accuracy()
     horizontal, vertical = (median_of(table.floats(name), 100.0) for name in ("HAcc", "VAcc"))

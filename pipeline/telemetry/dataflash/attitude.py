@@ -11,6 +11,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.telemetry.dataflash.local_position import of_core
+from pipeline.telemetry.dataflash.parameters import parameters_of
 from pipeline.telemetry.dataflash.tables import time_of
 from pipeline.telemetry.log.flight_log import (
     AttitudeSeries,
@@ -46,8 +47,5 @@ def primary_core(raw: RawLog) -> MessageTable | None:
 
 def _trim(raw: RawLog) -> Floats:
     """The board's trim (3,) roll, pitch, yaw in radians, as the parameters give it last."""
-    table = raw.table("PARM")
-    if table is None:
-        return np.zeros(3)
-    value = dict(zip(table.columns["Name"].tolist(), table.floats("Value").tolist(), strict=True))
-    return np.array([value.get(name.encode(), 0.0) for name in TRIM_NAMES])
+    value = parameters_of(raw)
+    return np.array([value.get(name, 0.0) for name in TRIM_NAMES])

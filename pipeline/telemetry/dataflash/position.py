@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.telemetry.dataflash.local_position import local_position
-from pipeline.telemetry.dataflash.tables import first_instance, gps_in_use, time_of
-from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
+from pipeline.telemetry.dataflash.parameters import parameters_of
+from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, time_of
+from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
 )
@@ -17,22 +18,23 @@ POSITION_MESSAGES = ("POS", "XKF1", "GPS", "AHR2")
 """The best first; XKF1 stands for NKF1 too."""
 
 
-def vehicle_position(raw: RawLog) -> PositionSeries | None:
-    """The vehicle's positions by the best message that has two valid ones; None where none has."""
-    undulation = _undulation(raw)
+def vehicle_position(raw: RawLog) -> tuple[PositionSeries | None, tuple[str, ...]]:
+    """The vehicle's positions by the best message that has two valid ones, None where none has; and notes."""
+    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
+    notes = () if undulation is None else undulation.notes
     for name in POSITION_MESSAGES:
         if name == "XKF1":
             local = _local(raw, undulation)
             if local is not None and local.valid.sum() >= 2:
-                return local
+                return local, notes
             continue
         table = gps_in_use(raw) if name == "GPS" else raw.table(name)
         if table is None:
             continue
         series = _position_of(table, undulation)
         if series.valid.sum() >= 2:
-            return series
-    return None
+            return series, notes
+    return None, ()
 
 
 def _position_of(table: MessageTable, undulation: Undulation | None) -> PositionSeries:
@@ -54,6 +56,7 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
         lon_deg=lon_deg,
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=velocity,
+        above_home_m=table.floats("RelHomeAlt" if "RelHomeAlt" in table else "RelAlt"),
     )
 
 
@@ -75,17 +78,18 @@ def _undulation(raw: RawLog) -> Undulation | None:
 
     ArduPilot counts Und from mean sea level up to the ellipsoid: the negative of the geoid's height above it.
     """
-    gpa, gps = first_instance(raw.table("GPA")), gps_in_use(raw)
-    if gpa is None or gps is None:
+    gpa, gps = accuracy_in_use(raw), gps_in_use(raw)
+    fixed = None if gps is None else gps.only(np.asarray(gps.floats("Status") >= 3))
+    if gpa is None or fixed is None or len(fixed) == 0:
         return None
     if "Und" in gpa:
         said = gpa.floats("Und")
-        return undulation_of("GPA.Und", -said[said != 0])
+        difference = -said[said != 0]
+        lat, lon = (np.full(len(difference), np.median(fixed.floats(name))) for name in ("Lat", "Lng"))
+        return undulation_of("GPA.Und", difference, lat, lon)
     if "AEl" in gpa:
-        fixed = gps.only(np.asarray(gps.floats("Status") >= 3))
-        if len(fixed) == 0:
-            return None
-        near = np.interp(time_of(gpa), time_of(fixed), fixed.floats("Alt"))
+        near, lat, lon = (np.interp(time_of(gpa), time_of(fixed), fixed.floats(name)) for name in ("Alt", "Lat", "Lng"))
         above = gpa.floats("AEl")
-        return undulation_of("GPA.AEl", (above - near)[above != 0])
+        told = above != 0
+        return undulation_of("GPA.AEl", (above - near)[told], lat[told], lon[told])
     return None

@@ -12,13 +12,17 @@ from pipeline.telemetry.clocks.clock_model import settled
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
 
+def clock_field(table: MessageTable) -> tuple[str, float]:
+    """The field that says the time since boot, and its ticks in a second; "" where none does."""
+    if table.name == "GPS" and "T" in table:
+        return "T", 1e3
+    return next(((name, ticks) for name, ticks in (("TimeUS", 1e6), ("TimeMS", 1e3)) if name in table), ("", 1.0))
+
+
 def time_of(table: MessageTable) -> Floats:
     """Log time (n,): seconds since boot; NaN where the message has none or its neighbours deny it."""
-    if table.name == "GPS" and "T" in table:
-        return settled(table.floats("T") / 1e3)
-    if "TimeUS" in table:
-        return settled(table.floats("TimeUS") / 1e6)
-    return settled(table.floats("TimeMS") / 1e3)
+    field, ticks = clock_field(table)
+    return settled(table.floats(field or "TimeMS") / ticks)
 
 
 def first_instance(table: MessageTable | None) -> MessageTable | None:
@@ -36,4 +40,14 @@ def gps_in_use(raw: RawLog) -> MessageTable | None:
     table = raw.table("GPS")
     if table is not None and "U" in table and (table.floats("U") == 1).any():
         return table.only(np.asarray(table.floats("U") == 1))
+    return first_instance(table)
+
+
+def accuracy_in_use(raw: RawLog) -> MessageTable | None:
+    """GPA of the receiver in use, by the instance of most of its messages; else of the first."""
+    table, gps = raw.table("GPA"), gps_in_use(raw)
+    if table is not None and gps is not None and "I" in table and "I" in gps:
+        mine = table.only(np.asarray(table.floats("I") == np.median(gps.floats("I"))))
+        if len(mine):
+            return mine
     return first_instance(table)

@@ -24,7 +24,7 @@ CLEAR = 2.0
 """A vehicle with this many times the positions of any other one in a sample has more of them in the whole log too."""
 
 
-def tlog_pieces(path: Path, *, system: int | None) -> PieceReader:
+def tlog_pieces(path: Path, *, system: int | None, gimbal: int | None = None) -> PieceReader:
     """A `.tlog` by the compiled reader; `system` as for `read_log`."""
     from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast  # here, for it is slow to import
 
@@ -32,13 +32,13 @@ def tlog_pieces(path: Path, *, system: int | None) -> PieceReader:
         size=path.stat().st_size,
         read=lambda pieces: read_mavlink_fast(path, fields=FIELDS, pieces=pieces),
         glance=lambda pieces: read_mavlink_fast(path, wanted=BOOT_MESSAGES, fields=FIELDS, pieces=pieces),
-        flight=lambda raw: mavlink_flight(raw, system=system),
+        flight=lambda raw: mavlink_flight(raw, system=system, gimbal=gimbal),
         readings=_tlog_readings,
         doubtful=lambda raw, log: _tlog_doubtful(raw, log, system),
     )
 
 
-def dataflash_pieces(path: Path) -> PieceReader:
+def dataflash_pieces(path: Path, *, gimbal: int | None = None) -> PieceReader:
     """A binary DataFlash log.
 
     It has no second clock: where its time began anew between two pieces and came past the earlier one's before the
@@ -48,7 +48,7 @@ def dataflash_pieces(path: Path) -> PieceReader:
         size=path.stat().st_size,
         read=lambda pieces: read_dataflash(path, pieces=pieces),
         glance=lambda pieces: read_dataflash(path, pieces=pieces, complete=False),
-        flight=dataflash_flight,
+        flight=lambda raw: dataflash_flight(raw, gimbal=gimbal),
         readings=_dataflash_readings,
         doubtful=_dataflash_doubtful,
     )

@@ -32,6 +32,7 @@ class PositionSeries:
     time_s    (n,) log time, non-decreasing
     lat_rad, lon_rad, height_m  (n,); NaN where the message has no valid fix
     velocity_ned_mps  (n, 3); NaN where unknown
+    above_home_m      (n,) above the take-off place where the log says it too; NaN where not
     """
 
     source: str
@@ -42,12 +43,15 @@ class PositionSeries:
     lon_rad: Floats
     height_m: Floats
     velocity_ned_mps: Floats
+    above_home_m: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         for name in ("time_s", "lat_rad", "lon_rad", "height_m"):
             settle(self, **{name: frozen(getattr(self, name), (n,), name)})
         settle(self, velocity_ned_mps=frozen(self.velocity_ned_mps, (n, 3), "velocity_ned_mps"))
+        above_home = self.above_home_m if len(self.above_home_m) else np.full(n, np.nan)
+        settle(self, above_home_m=frozen(above_home, (n,), "above_home_m"))
 
     @property
     def valid(self) -> Bools:
@@ -109,11 +113,21 @@ class GimbalSeries:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ClockStep:
+    """Log times over which another clock read `ahead_s` more than after it was set."""
+
+    begin_s: float
+    end_s: float
+    ahead_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ClockModel:
     """Another clock against log time: other = epoch_s + rate * (log time - log_epoch_s).
 
     sigma_s   of one reading, from the scatter of the pairs and the source's known faults
     pairs, outliers  how many readings it rests on, and how many disagreed
+    steps     what it read before it was set, each time
     """
 
     source: str
@@ -123,6 +137,7 @@ class ClockModel:
     sigma_s: float
     pairs: int
     outliers: int
+    steps: tuple[ClockStep, ...] = ()
 
     def other_s(self, log_time_s: float) -> float:
         """The other clock's reading at a log time."""
@@ -147,11 +162,14 @@ class Accuracy:
 class FlightLog:
     """One vehicle's flight log.
 
-    system, component   of the chosen autopilot; None where the format has no such thing
+    system, component   of the chosen autopilot; None where the format, or the log, does not say it
+    systems             every vehicle in it that gives positions; empty where the format carries one only
+    gimbals             every gimbal in it, as the flight file's key `gimbal` names them, where their attitudes differ
     counts              message name -> how many whole messages, of every sender
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, and which message says so
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
+    takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
     notes               one sentence each: what a careful reader should know
     excerpt_s           the log time that was read whole, where the rest was only sampled (`counts` and series hold what
                         was read); None where all of it was
@@ -162,6 +180,8 @@ class FlightLog:
     format: LogFormat
     system: int | None = None
     component: int | None = None
+    systems: tuple[int, ...] = ()
+    gimbals: tuple[int, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     corrupt_packets: int = 0
     position: PositionSeries | None = None
@@ -172,6 +192,7 @@ class FlightLog:
     utc: ClockModel | None = None
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
+    takeoff_given: bool = False
     notes: tuple[str, ...] = ()
     excerpt_s: tuple[float, float] | None = None
     bytes_read: int = 0

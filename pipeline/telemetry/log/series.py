@@ -19,6 +19,7 @@ def position_series(
     lon_deg: Floats,
     height_m: Floats,
     velocity_ned_mps: Floats,
+    above_home_m: Floats | None = None,
 ) -> PositionSeries:
     """Positions (n,) of any order in time order; a place that cannot be becomes NaN."""
     order = _order(time_s)
@@ -32,6 +33,7 @@ def position_series(
         lon_rad=np.radians(np.where(bad, np.nan, lon_deg))[order],
         height_m=np.where(bad, np.nan, height_m)[order],
         velocity_ned_mps=velocity_ned_mps[order],
+        above_home_m=np.empty(0) if above_home_m is None else np.where(bad, np.nan, above_home_m)[order],
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
+from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
 )
@@ -18,16 +18,16 @@ from pipeline.telemetry.mavlink.times import log_time_of
 from pipeline.telemetry.mavlink.vehicle import GPS_MESSAGES, POSITION_MESSAGES, Vehicle
 
 
-def vehicle_position(vehicle: Vehicle) -> PositionSeries | None:
-    """The vehicle's positions by the best message that has two valid ones; None where none has."""
-    undulation = _undulation(vehicle)
+def vehicle_position(vehicle: Vehicle) -> tuple[PositionSeries | None, tuple[str, ...]]:
+    """The vehicle's positions by the best message that has two valid ones, None where none has; and notes."""
+    undulation = told_ellipsoidal(vehicle.parameter("GPS_DRV_OPTIONS")) or _undulation(vehicle)
     for name in POSITION_MESSAGES:
         table = vehicle.own(name)
         if table is not None:
             series = _position_of(vehicle, table, undulation)
             if series.valid.sum() >= 2:
-                return series
-    return None
+                return series, () if undulation is None else undulation.notes
+    return None, ()
 
 
 def _position_of(vehicle: Vehicle, table: MessageTable, undulation: Undulation | None) -> PositionSeries:
@@ -38,7 +38,7 @@ def _position_of(vehicle: Vehicle, table: MessageTable, undulation: Undulation |
         bad |= table.floats("fix_type") < 3
     lat_deg, lon_deg = (np.where(bad, np.nan, angle / 1e7) for angle in (lat, lon))
     words, height = on_ellipsoid(height, undulation, lat_deg, lon_deg)
-    if table.name in GPS_MESSAGES and "alt_ellipsoid" in table and undulation is not None:
+    if table.name in GPS_MESSAGES and "alt_ellipsoid" in table and undulation is not None and undulation.believed:
         own = table.floats("alt_ellipsoid")
         height = np.where(own != 0, own / 1000, height)
     return position_series(
@@ -50,6 +50,7 @@ def _position_of(vehicle: Vehicle, table: MessageTable, undulation: Undulation |
         lon_deg=lon_deg,
         height_m=np.where(bad, np.nan, height),
         velocity_ned_mps=_velocity(table),
+        above_home_m=table.floats("relative_alt") / 1000,
     )
 
 
@@ -66,7 +67,8 @@ def _undulation(vehicle: Vehicle) -> Undulation | None:
         if table is None or "alt_ellipsoid" not in table:
             continue
         both = (table.floats("alt_ellipsoid") != 0) & (table.floats("fix_type") >= 3)
-        found = undulation_of(name, table.floats("alt_ellipsoid")[both] / 1000 - table.floats("alt")[both] / 1000)
+        difference = table.floats("alt_ellipsoid")[both] / 1000 - table.floats("alt")[both] / 1000
+        found = undulation_of(name, difference, table.floats("lat")[both] / 1e7, table.floats("lon")[both] / 1e7)
         if found is not None:
             return found
     return None

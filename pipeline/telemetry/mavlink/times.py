@@ -25,7 +25,9 @@ def utc_clock(vehicle: Vehicle) -> ClockModel | None:
         return None
     unix = table.floats("time_unix_usec") * 1e-6
     log = vehicle.clock.of_boot_time(table.place, table.floats("time_boot_ms") / 1000)
-    return fit_clock("SYSTEM_TIME", log, np.where(plausible_utc(unix), unix, np.nan), floor_s=UTC_FLOOR_S)
+    return fit_clock(
+        "SYSTEM_TIME", log, np.where(plausible_utc(unix), unix, np.nan), floor_s=UTC_FLOOR_S, set_later=True
+    )
 
 
 def log_time_of(vehicle: Vehicle, table: MessageTable, utc: ClockModel | None = None) -> Floats:

@@ -135,6 +135,7 @@ def _position(blocks: list[str], time_s: Floats) -> PositionSeries | None:
         lon_deg=lon,
         height_m=height,
         velocity_ned_mps=np.full((len(blocks), 3), np.nan),
+        above_home_m=_numbers(RELATIVE, blocks)[:, 0],
     )
 
 

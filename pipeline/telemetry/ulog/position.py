@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Bools, Floats
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
@@ -18,10 +18,12 @@ from pipeline.telemetry.log.series import position_series
 from pipeline.telemetry.ulog.topics import GPS_TOPICS, Topic, degrees, floats, metres, topic_time
 
 PX4_EARTH_RADIUS_M = 6371000.0
+RECEIVER_PLACE = (("latitude_deg", "lat"), ("longitude_deg", "lon"))
+"""Fields in degrees, and their predecessors in 1e-7 degrees."""
 
 
-def vehicle_position(topics: dict[str, Topic]) -> PositionSeries | None:
-    """The vehicle's positions by the best message that has two valid ones; None where none has."""
+def vehicle_position(topics: dict[str, Topic]) -> tuple[PositionSeries | None, tuple[str, ...]]:
+    """The vehicle's positions by the best topic that has two valid ones, None where none has; and notes."""
     undulation = _undulation(topics)
     readers = (
         ("vehicle_global_position", _global),
@@ -32,25 +34,33 @@ def vehicle_position(topics: dict[str, Topic]) -> PositionSeries | None:
         if name in topics:
             series = read(name, topics[name], undulation)
             if series.valid.sum() >= 2:
-                return series
-    return None
+                return series, () if undulation is None else undulation.notes
+    return None, ()
 
 
 def _undulation(topics: dict[str, Topic]) -> Undulation | None:
     topic = topics.get("vehicle_global_position")
     if topic is not None and "alt_ellipsoid" in topic:
         above, sea = floats(topic, "alt_ellipsoid"), floats(topic, "alt")
-        found = undulation_of("vehicle_global_position", (above - sea)[np.isfinite(above) & (above != 0)])
+        told = np.isfinite(above) & (above != 0) & _flagged(topic, "lat_lon_valid", "alt_valid")
+        lat, lon = floats(topic, "lat"), floats(topic, "lon")
+        found = undulation_of("vehicle_global_position", (above - sea)[told], lat[told], lon[told])
         if found is not None:
             return found
     for name in GPS_TOPICS:
         if name in topics:
             above, sea = _receiver_heights(topics[name])
             fixed = (floats(topics[name], "fix_type") >= 3) & (above != 0)
-            found = undulation_of(name, (above - sea)[fixed])
+            lat, lon = (degrees(topics[name], new, old) for new, old in RECEIVER_PLACE)
+            found = undulation_of(name, (above - sea)[fixed], lat[fixed], lon[fixed])
             if found is not None:
                 return found
     return None
+
+
+def _flagged(topic: Topic, *names: str) -> Bools:
+    """True (n,) where none of the flags that are there calls the row invalid."""
+    return np.asarray(np.all([floats(topic, name) != 0 for name in names], axis=0))
 
 
 def _receiver_heights(topic: Topic) -> tuple[Floats, Floats]:
@@ -60,7 +70,8 @@ def _receiver_heights(topic: Topic) -> tuple[Floats, Floats]:
 
 
 def _global(name: str, topic: Topic, undulation: Undulation | None) -> PositionSeries:
-    lat, lon = floats(topic, "lat"), floats(topic, "lon")
+    good = _flagged(topic, "lat_lon_valid", "alt_valid")
+    lat, lon = (np.where(good, floats(topic, axis), np.nan) for axis in ("lat", "lon"))
     words, height = on_ellipsoid(floats(topic, "alt"), undulation, lat, lon)
     velocity = np.stack([floats(topic, axis) for axis in ("vel_n", "vel_e", "vel_d")], axis=1)
     return position_series(
@@ -72,12 +83,9 @@ def _global(name: str, topic: Topic, undulation: Undulation | None) -> PositionS
 def _receiver(name: str, topic: Topic, undulation: Undulation | None) -> PositionSeries:
     above, sea = _receiver_heights(topic)
     bad = floats(topic, "fix_type") < 3
-    lat, lon = (
-        np.where(bad, np.nan, degrees(topic, new, old))
-        for new, old in (("latitude_deg", "lat"), ("longitude_deg", "lon"))
-    )
+    lat, lon = (np.where(bad, np.nan, degrees(topic, new, old)) for new, old in RECEIVER_PLACE)
     words, height = on_ellipsoid(sea, undulation, lat, lon)
-    if undulation is not None:
+    if undulation is not None and undulation.believed:
         height = np.where(np.isfinite(above) & (above != 0), above, height)
     velocity = np.stack([floats(topic, f"vel_{axis}_m_s") for axis in "ned"], axis=1)
     return position_series(
@@ -87,7 +95,7 @@ def _receiver(name: str, topic: Topic, undulation: Undulation | None) -> Positio
 
 
 def _local(name: str, topic: Topic, undulation: Undulation | None) -> PositionSeries:
-    good = (floats(topic, "xy_global") == 1) & (floats(topic, "z_global") == 1)
+    good = (floats(topic, "xy_global") == 1) & (floats(topic, "z_global") == 1) & _flagged(topic, "xy_valid", "z_valid")
     x, y = floats(topic, "x") / PX4_EARTH_RADIUS_M, floats(topic, "y") / PX4_EARTH_RADIUS_M
     lat0, lon0 = np.radians(floats(topic, "ref_lat")), np.radians(floats(topic, "ref_lon"))
     arc = np.hypot(x, y)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
+from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
 
 GPS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 ROUNDS = 8
@@ -34,8 +36,28 @@ class _Onwards(io.BufferedReader):
         return found
 
 
-def load_topics(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list[str]]:
-    """First instance of each topic, messages per topic, dropouts, and what pyulog complains of."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PX4Log:
+    """What pyulog found.
+
+    topics      first instance of each topic; times of later boots go on after those of earlier ones
+    instances   every instance of each topic
+    counts      messages per topic
+    info, parameters  what the log's head says of vehicle and settings
+    notes       dropouts, later boots, and what pyulog complains of, of which there are `complaints`
+    """
+
+    topics: dict[str, Topic]
+    instances: dict[str, dict[int, Topic]]
+    counts: dict[str, int]
+    info: dict[str, Any]
+    parameters: dict[str, float]
+    notes: tuple[str, ...]
+    complaints: int
+
+
+def load_topics(path: Path) -> PX4Log:
+    """Every topic of a `.ulg` file. Raises InputFileError where pyulog is not installed or cannot read it."""
     try:
         import pyulog
     except ImportError:
@@ -56,13 +78,48 @@ def load_topics(path: Path) -> tuple[dict[str, Topic], dict[str, int], int, list
             expected="a whole .ulg file",
             advice="download the log again",
         ) from None
-    topics: dict[str, Topic] = {}
+    instances: dict[str, dict[int, Topic]] = {}
     counts: dict[str, int] = {}
     whole = (d for d in log.data_list if "timestamp" in d.data)  # a topic without times is a broken one
     for data in sorted(whole, key=lambda d: d.multi_id):
         counts[data.name] = counts.get(data.name, 0) + len(data.data["timestamp"])
-        topics.setdefault(data.name, data.data)
-    return topics, counts, len(log.dropouts), said.getvalue().splitlines()
+        instances.setdefault(data.name, {}).setdefault(data.multi_id, data.data)
+    boots = continue_boots([topic for each in instances.values() for topic in each.values()])
+    complaints = said.getvalue().splitlines()
+    slow = (f"{len(log.dropouts)} dropouts: the card was too slow for the log",) if log.dropouts else ()
+    return PX4Log(
+        topics={name: each[min(each)] for name, each in instances.items()},
+        instances=instances,
+        counts=counts,
+        info=dict(log.msg_info_dict),
+        parameters=dict(log.initial_parameters),
+        notes=(*slow, *boots, *(f"pyulog: {line}" for line in dict.fromkeys(complaints))),
+        complaints=len(complaints),
+    )
+
+
+def continue_boots(topics: list[Topic]) -> list[str]:
+    """Moves the times of later boots behind those of earlier ones, in the topics themselves, and says so."""
+    parts = [[0, *restarts_of(_numbers(t["timestamp"]) / 1e6).tolist(), len(t["timestamp"])] for t in topics]
+    boots = max((len(part) - 1 for part in parts), default=0)
+    notes, offset_us, end_us = [], 0.0, -np.inf
+    for boot in range(boots):
+        own = [(t, slice(p[boot], p[boot + 1])) for t, p in zip(topics, parts, strict=True) if len(p) > boot + 1]
+        begin_us = min(float(_numbers(t["timestamp"])[rows].min()) for t, rows in own)
+        if boot:
+            offset_us = end_us + UNKNOWN_BREAK_S * 1e6 - begin_us
+            notes.append(
+                f"the vehicle started anew at log time {(begin_us + offset_us) / 1e6:.1f} s, an hour after what came"
+                f" before as far as anyone knows; from there log time is its boot time + {offset_us / 1e6:.1f} s"
+            )
+        for topic, rows in own:
+            for name in ("timestamp", "timestamp_sample"):
+                if boot and name in topic:
+                    column = np.array(topic[name], float)
+                    column[rows] = np.where(column[rows] > 0, column[rows] + offset_us, 0.0)
+                    topic[name] = column
+            end_us = max(end_us, float(_numbers(topic["timestamp"])[rows].max()))
+    return notes
 
 
 def topic_time(topic: Topic) -> Floats:

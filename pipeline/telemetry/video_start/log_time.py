@@ -9,11 +9,10 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import InputFileError, UsageError
 from pipeline.geometry.geodesy import Geodetic
+from pipeline.telemetry.clocks.own_clock import POSIX_FROM_S, counts_from_1970
 from pipeline.telemetry.log.flight_log import FlightLog
 from pipeline.telemetry.log.missing import missing_position
 
-POSIX_FROM_S = 1e8
-"""A number above this is POSIX seconds on the recorder's clock: no autopilot runs for three years."""
 EVENT_SHARE = 0.25
 """Of a frame's interval: typically events are no further from it where each is a frame."""
 UTC_SOURCES = (
@@ -24,8 +23,9 @@ UTC_SOURCES = (
 def resolve_start(log: FlightLog, start: float | str, *, where: str) -> float:
     """Log time of frame 0.
 
-    `start` is seconds of log time (above 1e8: POSIX seconds on the recorder's clock of a `.tlog`), an ISO-8601 time in
-    UTC, or "camera-event": the first exposure that the log knows of. `where` names file and key for messages.
+    `start` is seconds of log time (above 1e8: POSIX seconds, on the recorder's clock of a `.tlog`, or on that of a log
+    that itself counts from 1970), an ISO-8601 time in UTC, or "camera-event": the first exposure that the log knows of.
+    `where` names file and key for messages.
 
     Raises UsageError where `start` cannot be understood, InputFileError where the log cannot answer it.
     """
@@ -91,7 +91,7 @@ def first_position(log: FlightLog) -> Geodetic:
 def _from_number(log: FlightLog, start: float, where: str) -> float:
     if not np.isfinite(start):
         raise UsageError(where=where, seen=f"start = {start}", expected="a finite number", advice="write the seconds")
-    if start <= POSIX_FROM_S:
+    if start <= POSIX_FROM_S or counts_from_1970(log):
         return start
     if log.record_clock is None:
         raise InputFileError(

@@ -102,11 +102,11 @@ def test_rays_that_meet_have_no_residual_and_rays_that_meet_behind_are_no_match(
     ray_a, ray_b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     lifted = np.array([[0.0, 0.0, 3e-3 * np.linalg.norm(b)]]) + b
 
-    def crossing(one: Floats, other: Floats, shift_m: float) -> float:
+    def crossing(one: Floats, other: Floats, position_bias_m: float) -> float:
         sigma = np.array([1e-3])
         first = Rays(centre_m=np.zeros((1, 3)), ray=one, sigma_rad=sigma)
         second = Rays(centre_m=base, ray=other / np.linalg.norm(other), sigma_rad=sigma)
-        return float(crossing_residuals(first, second, shift_m)[0, 0])
+        return float(crossing_residuals(first, second, position_bias_m)[0, 0])
 
     assert abs(crossing(ray_a, ray_b, 0.1)) < 1e-6
     assert np.isinf(crossing(-ray_a, -ray_b, 0.1))

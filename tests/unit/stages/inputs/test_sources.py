@@ -41,7 +41,7 @@ def _big(monkeypatch):
 
 def opened(folder, *starts, video='video = "a.mp4"', more=""):
     cameras = "".join(
-        f'[cameras.c{i}]\ncalibration = "a.json"\ntelemetry = "a.tlog"\nstart = {start}\n{video}\n{more}\n'
+        f'[cameras.c{i}]\ncalibration = "a.json"\ntelemetry = "a.tlog"\nsystem = 1\nstart = {start}\n{video}\n{more}\n'
         for i, start in enumerate(starts)
     )
     (folder / "flight.toml").write_text(cameras)
