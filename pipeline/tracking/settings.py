@@ -115,6 +115,8 @@ class WatchSettings:
     memory_frames  for which a drop of the score is remembered
     rigid_score    usual score of a target that keeps its look: rendered cars have 0.95, walkers 0.85
     offset_share   of a new look in the box centre's place beside the surface point
+    unsure_s       for which a box that fails when it is alone is not believed before; halved, what covers a target is
+                   given as the target for a few frames
     held_s         how long a hidden surface point counts as lost while the box holds the target, at most
     search_every   frames between searches for it then
     """
@@ -124,6 +126,7 @@ class WatchSettings:
     memory_frames: int = 10
     rigid_score: float = 0.9
     offset_share: float = 0.3
+    unsure_s: float = 1.0
     held_s: float = 1.0
     search_every: int = 3
 

@@ -114,9 +114,19 @@ def watch(watched: Watched, scene: Scene, settings: TrackingSettings) -> tuple[W
 def _let_go(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
     """The box tracker lost what it held alone: what is not certain of it may have been what covers the target."""
     trail = watched.trail
-    after = trail.by_box & (np.abs(scene.frame - trail.frame) < abs(scene.frame - trail.certain))
+    after = trail.by_box & (_after(trail, scene) | _of_late(trail, scene))
     taken = tuple(int(f) for f in trail.frame[after])
     return changed(watched, trail=_cut(trail, ~after)), Seen(fixes=seen.fixes, taken_back=(*seen.taken_back, *taken))
+
+
+def _after(trail: Trail, scene: Scene) -> Bools:
+    """(m,) rows since the target was last certain."""
+    return np.asarray(np.abs(scene.frame - trail.frame) < abs(scene.frame - trail.certain))
+
+
+def _of_late(trail: Trail, scene: Scene) -> Bools:
+    """(m,) rows so late that a box which fails now may have been failing then."""
+    return np.asarray(np.abs(scene.time_s - trail.time_s) < WATCH.unsure_s)
 
 
 def _cut(trail: Trail, kept: Bools) -> Trail:
@@ -239,7 +249,7 @@ def _slid(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
         expected = trail.ground_px[certain] + trail.velocity * dt_s[:, None]
         off = np.where(sure, 0.0, np.hypot(*(trail.ground_px - expected).T))
         strayed = np.maximum.accumulate(off) > SLIDE.kept_sizes * size
-        bad = ~sure & (trail.by_box | strayed | (not proved))
+        bad = (~sure & (strayed | (not proved))) | (trail.by_box & (~sure | _of_late(trail, scene)))
         place, lost_s = expected[-1], float(dt_s[-1])
     else:
         bad, place, lost_s = ~sure, watched.safe.course.position_px, watched.safe.lost_s
