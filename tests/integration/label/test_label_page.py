@@ -154,7 +154,7 @@ def asked(address: str, path: str = "", body: object = None, *, token: str | Non
     headers = ({"X-Runningfix": secret} if data is not None else {}) | headers
     url = f"{base}{path}{'&' if '?' in path else '?'}token={secret}" if data is None else base + path
     try:
-        with urllib.request.urlopen(urllib.request.Request(url, data, headers), timeout=20) as answer:
+        with urllib.request.urlopen(urllib.request.Request(url, data, headers), timeout=120) as answer:
             return answer.status, answer.read()
     except urllib.error.HTTPError as error:
         with error:
