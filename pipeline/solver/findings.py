@@ -79,12 +79,16 @@ def _others(problem: Problem) -> list[CameraInput]:
 
 
 def _orders(problem: Problem, orders: Mapping[str, int] | None) -> dict[str, int | None]:
-    """Order of each target's motion, zero where the data shall say; None for a spline, which is free."""
-    known = orders or {}
-    return {
-        t.target: None if t.motion == "spline" else known.get(t.target, 0 if t.order == "auto" else int(t.order))
-        for t in problem.targets
-    }
+    """Order of each target's motion; None for a spline, which is free. What the data shall say is zero until they have."""
+    out: dict[str, int | None] = {}
+    for t in problem.targets:
+        if t.motion == "spline":
+            out[t.target] = None
+        elif t.order != "auto":
+            out[t.target] = int(t.order)
+        else:
+            out[t.target] = 0 if orders is None else orders.get(t.target)
+    return out
 
 
 def _times(problem: Problem, settings: SolverSettings, clocks: Sequence[Clock]) -> dict[str, tuple[float, float]]:

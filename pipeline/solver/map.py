@@ -22,7 +22,7 @@ from pipeline.solver.drifting import drifting, with_drift
 from pipeline.solver.layout import Frames
 from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.moving_poses import renewing
-from pipeline.solver.orders import choose_orders
+from pipeline.solver.motion_choice import choose_motions
 from pipeline.solver.results import Outcome
 from pipeline.solver.start import first_choice
 from pipeline.solver.strength import renewed_jerk, renewed_walk, with_strengths
@@ -49,7 +49,7 @@ def adjust(
 ) -> Adjusted:  # fmt: skip
     """The whole of `map` up to the optimum, from the offsets `found`."""
     descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renewing(problem))
-    choice = first_choice(problem)
+    choice = first_choice(problem, settings.method)
     small = ROUGHLY if "spline" in choice.kinds else SMALL
 
     def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
@@ -59,9 +59,12 @@ def adjust(
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
     if fit.status == "iteration-limit" and len(found) > 1:
         fit = continued(fit, descent)
-    choice, fit, reasons = choose_orders(
-        problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, descent)
+    if any(t.is_asked for t in problem.targets):
+        fit = with_estimated_priors(fit, descent)
+    chosen = choose_motions(
+        problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, replace(descent, damping=WARM))
     )
+    fit, reasons = chosen.fit, chosen.findings
     fit = with_estimated_priors(fit, descent, rounds=1)
     fit, clocks = with_drifting_clocks(problem, fit, descent)
     fit = with_estimated_priors(fit, descent)

@@ -115,7 +115,7 @@ def _costs(problem: Problem, seen: Mapping[str, View]) -> list[_Cost]:
     if any(t.motion == "spline" for t in problem.targets):
         return [CROSSING]
     known = {t.target: 0 if t.order == "auto" else int(t.order) for t in problem.targets}
-    auto = [t.target for t in problem.targets if t.order == "auto"]
+    auto = [t.target for t in problem.targets if t.is_asked]
     if not auto:
         return [_polynomial_cost(known)]
     if max((v.span_s[1] - v.span_s[0] for v in seen.values() if v.tracks), default=0.0) > SHORT_S:

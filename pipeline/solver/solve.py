@@ -112,7 +112,7 @@ def _algorithm(asked: Asked) -> Finish:
 def _paper_start(asked: Asked, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> tuple[Model, State]:
     """A model with the paper's residual in metres, at these clocks."""
     camera = first_camera(asked.problem, offset_s, rate)
-    return first_model(asked.problem, asked.settings, metric(asked.frames), first_choice(asked.problem), camera)
+    return first_model(asked.problem, asked.settings, metric(asked.frames), first_choice(asked.problem, asked.settings.method), camera)
 
 
 def _paper_outcome(asked: Asked, fit: Fit) -> Outcome:
@@ -138,7 +138,7 @@ def _assumed_orders(problem: Problem) -> tuple[Finding, ...]:
             words=f"{t.target} is given a motion of order {FIRST_ORDER}: only map can choose one",
         )
         for t in problem.targets
-        if t.motion == "polynomial" and t.order == "auto"
+        if t.is_asked
     )
 
 

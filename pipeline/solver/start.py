@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import GeometryError
-from pipeline.records import CameraInput, Problem, SolverSettings
+from pipeline.records import CameraInput, Problem, SolverSettings, TargetInput
 from pipeline.records.motion import MotionKind
 from pipeline.solver.elimination import CAUCHY, HUBER, NONE, Loss, PoseError
 from pipeline.solver.layout import Frames
@@ -48,12 +48,17 @@ class MotionChoice:
     spacing_s: float = KNOTS_S
 
 
-def first_choice(problem: Problem) -> MotionChoice:
+def first_choice(problem: Problem, method: str = "map") -> MotionChoice:
     """What the problem says, with `FIRST_ORDER` where the data shall say."""
     return MotionChoice(
-        kinds=tuple(t.motion for t in problem.targets),
+        kinds=tuple(_first_kind(t, method) for t in problem.targets),
         orders=tuple(FIRST_ORDER if t.order == "auto" else t.order for t in problem.targets),
     )
+
+
+def _first_kind(target: TargetInput, method: str) -> MotionKind:
+    """Only `map` can let the data say, and begins with a spline."""
+    return "spline" if target.motion == "spline" or (target.is_asked and method == "map") else "polynomial"
 
 
 def is_still(camera: CameraInput) -> bool:
@@ -176,10 +181,12 @@ def first_model(
 
 def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:
     """The same motion as well as another basis can say it: fitted to its positions, four for every coefficient."""
-    changed = model.changed(basis=basis)
+    jerk = model.priors.jerk[:, model.basis.span(basis.mid_s)]
+    changed = model.changed(basis=basis, priors=replace(model.priors, jerk=jerk))
     coefficients = np.zeros((basis.count, 3))
     for n, t in enumerate(basis.targets):
-        low, high = (t.knots_s[0], t.knots_s[-1])
+        old = model.basis.targets[n]
+        low, high = max(t.knots_s[0], old.knots_s[0]), min(t.knots_s[-1], old.knots_s[-1])
         time = np.linspace(low, high, 4 * t.count + 8)
         wanted = model.basis.position(time, state.coefficients)[:, n]
         unit = np.zeros((len(time), t.count))

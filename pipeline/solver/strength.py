@@ -47,13 +47,10 @@ def renewed_jerk(model: Model, state: State, covariance: Covariance) -> Floats:
         if t.kind != "spline":
             continue
         first, rows, span = jerk_penalty(model, n)
-        acting = first[:, None] + np.arange(rows.shape[1])
-        value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
-        place = model.order.coefficient[acting]
-        spread = covariance.pairs(place[:, :, None, :], place[:, None, :, :])
+        value = np.einsum("pa,pax->px", rows, state.coefficients[first[:, None] + np.arange(rows.shape[1])])
         now = out[n, span]
         square = (value**2).sum(axis=1) * now**2
-        decided = value.shape[1] - np.einsum("pa,pabx,pb->p", rows, spread, rows)
+        decided = decided_rows(model, n, covariance)
         whole = square.sum() / max(float(decided.sum()), 1e-3)
         reach = max(1, round(0.5 * WINDOW_S / float(np.median(2 * model.basis.half_s))))
         near = (_around(square, reach) + SHRUNK * whole) / (np.maximum(_around(decided, reach), 0) + SHRUNK)
@@ -61,6 +58,14 @@ def renewed_jerk(model: Model, state: State, covariance: Covariance) -> Floats:
         changed = np.clip(wanted, now / WIDEST_CHANGE, now * WIDEST_CHANGE)
         out[n, span] = np.clip(changed, STIFFEST_JERK, SLACKEST_JERK)
     return out
+
+
+def decided_rows(model: Model, target: int, covariance: Covariance) -> Floats:
+    """(p,) of every span of a spline, how many of its three prior rows the data rather than the prior decide."""
+    first, rows, _ = jerk_penalty(model, target)
+    place = model.order.coefficient[first[:, None] + np.arange(rows.shape[1])]
+    spread = covariance.pairs(place[:, :, None, :], place[:, None, :, :])
+    return np.asarray(3 - np.einsum("pa,pabx,pb->p", rows, spread, rows))
 
 
 def _around(value: Floats, reach: int) -> Floats:
