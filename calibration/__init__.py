@@ -17,16 +17,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibration.board import Board
-    from calibration.board_print import board_pdf, board_svg
+    from calibration.boards.board import Board
+    from calibration.boards.printing import board_pdf, board_svg
+    from calibration.boards.view import BoardView
     from calibration.camera import CameraModel
     from calibration.camera_files import FORMATS, camera_json, read_camera, write_camera
-    from calibration.from_files import calibrate_files
-    from calibration.report import calibration_page
-    from calibration.result import CalibratedView, Calibration, DirectionSigma, RejectedView
-    from calibration.solve import calibrate
-    from calibration.view_pictures import pictures
-    from calibration.views import BoardView
+    from calibration.judgement.result import CalibratedView, Calibration, DirectionSigma, RejectedView
+    from calibration.report.page import calibration_page
+    from calibration.report.pictures import pictures
+    from calibration.stages.from_files import calibrate_files
+    from calibration.stages.from_views import calibrate
 
 __all__ = [
     "FORMATS",
@@ -49,23 +49,23 @@ __all__ = [
 ]
 
 _HOME = {
-    "Board": "board",
-    "BoardView": "views",
-    "CalibratedView": "result",
-    "Calibration": "result",
+    "Board": "boards.board",
+    "BoardView": "boards.view",
+    "CalibratedView": "judgement.result",
+    "Calibration": "judgement.result",
     "CameraModel": "camera",
-    "DirectionSigma": "result",
-    "FORMATS": "camera_files",
-    "RejectedView": "result",
-    "board_pdf": "board_print",
-    "board_svg": "board_print",
-    "calibrate": "solve",
-    "calibrate_files": "from_files",
-    "calibration_page": "report",
-    "camera_json": "camera_files",
-    "pictures": "view_pictures",
-    "read_camera": "camera_files",
-    "write_camera": "camera_files",
+    "DirectionSigma": "judgement.result",
+    "FORMATS": "camera_files.writing",
+    "RejectedView": "judgement.result",
+    "board_pdf": "boards.printing",
+    "board_svg": "boards.printing",
+    "calibrate": "stages.from_views",
+    "calibrate_files": "stages.from_files",
+    "calibration_page": "report.page",
+    "camera_json": "camera_files.writing",
+    "pictures": "report.pictures",
+    "read_camera": "camera_files.reading",
+    "write_camera": "camera_files.writing",
 }
 """The module of each name: loaded when it is first asked for, as OpenCV and its kin take a fifth of a second."""
 

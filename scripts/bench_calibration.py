@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from calibration import Board
-from calibration.detect import find_board
+from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
 from tests.scenes.calibration import camera, poses, render, true_corners
 

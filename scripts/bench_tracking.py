@@ -22,7 +22,7 @@ import cv2
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from pipeline.records import Box
 from pipeline.tracking import track_video
-from pipeline.tracking.video import opened_to_the_end
+from pipeline.tracking.video.frames import opened_to_the_end
 from tests.scenes.moving import first_box, render, scene, write
 
 SEED = 5

@@ -28,12 +28,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from calibration import Board, BoardView, Calibration, CameraModel, calibrate
-from calibration.adjust import Model
+from calibration.adjustment.bundle import Model
+from calibration.adjustment.covariance import projection_sigma_px
 from calibration.camera import project, unproject
-from calibration.detect import find_board
+from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
-from calibration.quality import lattice, reached
-from calibration.uncertainty import projection_sigma_px
+from calibration.judgement.coverage import lattice, reached
 from tests.scenes.calibration import poses, render, true_corners
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)

@@ -20,7 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from pipeline.records import ImageTrack, Motion, Problem, SolverSettings, Trajectory, Truth
 from pipeline.solver import solve
-from pipeline.stages.tracks import PLACE_FLOOR_PX
+from pipeline.stages.problem.priors import PLACE_FLOOR_PX
 from pipeline.synthetic.scene import Scene
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import DEMO, Noise, noisy_rays, simulate

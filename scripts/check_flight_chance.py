@@ -15,14 +15,14 @@ import numpy as np
 
 from pipeline.flight import read_flight
 from pipeline.records import Problem, SolverSettings
-from pipeline.solver.beginning import candidates
-from pipeline.solver.covariance import Sandwich
-from pipeline.solver.layout import pack
-from pipeline.solver.map import adjust, outcome
-from pipeline.solver.results import Outcome
-from pipeline.solver.timing import common_time_s
+from pipeline.solver.methods.initialisation import candidates
+from pipeline.solver.methods.map_estimation import adjust, outcome
+from pipeline.solver.methods.results import Outcome
+from pipeline.solver.observation.clocks import common_time_s
+from pipeline.solver.observation.observations import pack
+from pipeline.solver.uncertainty.covariance import Sandwich
 from pipeline.stages import build_problem, measure_poses, open_sources, read_models
-from pipeline.stages.tracks import read_tracks
+from pipeline.stages.inputs.tracks import read_tracks
 
 SUPPORT_S, STEP_S = 0.2, 0.1
 WITHIN = ((1.0, 55, 80), (1.96, 88, 99))

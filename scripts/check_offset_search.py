@@ -30,11 +30,11 @@ from pipeline.records import (
     SolverSettings,
     TargetInput,
 )
-from pipeline.solver.search import is_ambiguous, search_offsets
-from pipeline.solver.search_adjust import polish_polynomial
-from pipeline.solver.search_crossing import ClockPrior
-from pipeline.solver.search_sweep import ClockRange
-from pipeline.solver.search_views import views
+from pipeline.solver.offset_search.crossing import ClockPrior
+from pipeline.solver.offset_search.polynomial_polish import polish_polynomial
+from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
+from pipeline.solver.offset_search.sweep import ClockRange
+from pipeline.solver.offset_search.views import views
 
 FOCAL_PX = 1000.0
 SIGMA = InstrumentSigma(

@@ -11,18 +11,20 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError, InputFileError, UsageError
+from calibration.foundation.progress import Progress, silent
 from pipeline.boresight.adjust import Boresight, Known, find_boresight
-from pipeline.export.csv_reading import read_table
+from pipeline.export.text.csv_reading import read_table
 from pipeline.flight import Flight
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_from_geodetic
 from pipeline.records import PoseTrack, SightRays
-from pipeline.stages.measured import MeasuredPoses
-from pipeline.stages.poses import measure_poses
-from pipeline.stages.problem import poses_of, read_models, sight_rays
-from pipeline.stages.progress import Progress, silent
-from pipeline.stages.sources import Sources, open_sources
-from pipeline.stages.tracks import place_sigma_px, read_tracks
+from pipeline.stages.inputs.sources import Sources, open_sources
+from pipeline.stages.inputs.tracks import read_tracks
+from pipeline.stages.poses.measure import measure_poses
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.build import poses_of
+from pipeline.stages.problem.priors import place_sigma_px
+from pipeline.stages.problem.rays import read_models, sight_rays
 
 LEAST_FRAMES = 10
 VAGUE_DEG = 5.0

@@ -10,15 +10,15 @@ from functools import partial
 from pathlib import Path
 
 from calibration import Board, calibrate_files, write_camera
+from calibration.foundation.progress import Progress, silent
 from pipeline.demo.compare import compare
 from pipeline.flight import read_flight
 from pipeline.records import Results, SolverSettings
 from pipeline.report import render_report
 from pipeline.solver import solve
 from pipeline.stages import RunSummary
-from pipeline.stages.ledger import Ledger
-from pipeline.stages.progress import Progress, silent
-from pipeline.stages.run import run_poses, run_solve, run_track
+from pipeline.stages.running.ledger import Ledger
+from pipeline.stages.running.run import run_poses, run_solve, run_track
 from pipeline.synthetic import demo_scene, read_truth, write_flight
 
 BOARD = Board(cols=9, rows=6, square_m=0.025)

@@ -18,16 +18,17 @@ from calibration.foundation.arrays import Floats, Ints
 from pipeline.experiments.declare import Approach
 from pipeline.experiments.li_rounds import alternated, solve_li
 from pipeline.records import Motion, Problem, Solution, SolveStatus
-from pipeline.solver import dense, solve
-from pipeline.solver import map as statistical
-from pipeline.solver.beginning import candidates
-from pipeline.solver.bordered import factorise
-from pipeline.solver.covariance import Inverse, motion_band
-from pipeline.solver.layout import Frames
-from pipeline.solver.motion_basis import motion_of
-from pipeline.solver.results import Outcome
+from pipeline.solver import solve
+from pipeline.solver.adjustment import compiled_descent
+from pipeline.solver.adjustment.banded_system import factorise
+from pipeline.solver.methods import map_estimation
+from pipeline.solver.methods.initialisation import candidates
+from pipeline.solver.methods.results import Outcome
+from pipeline.solver.observation.clocks import OFFSET, SCALE, common_time_s
+from pipeline.solver.observation.motion_basis import motion_of
+from pipeline.solver.observation.observations import Frames
 from pipeline.solver.solve import METHODS, Asked
-from pipeline.solver.timing import OFFSET, SCALE, common_time_s
+from pipeline.solver.uncertainty.covariance import Inverse, motion_band
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,10 +101,10 @@ def optimum(problem: Problem, frames: Frames, approach: Approach) -> tuple[Outco
     if settings.method == "li":
         return alternated(problem, settings, frames, plain=approach.plain)
     starts = candidates(problem, settings)
-    dense.warm()
+    compiled_descent.warm()
     began = time.perf_counter()
     if settings.method == "map":
-        found = statistical.adjust(problem, settings, frames, starts)
+        found = map_estimation.adjust(problem, settings, frames, starts)
         seconds = time.perf_counter() - began
         factor = factorise(found.fit.linear.system)
         return _without_robust(found, None if factor is None else Inverse(factor=factor)), seconds
@@ -113,7 +114,7 @@ def optimum(problem: Problem, frames: Frames, approach: Approach) -> tuple[Outco
     return finish(), seconds
 
 
-def _without_robust(found: statistical.Adjusted, plain: Inverse | None) -> Outcome:
+def _without_robust(found: map_estimation.Adjusted, plain: Inverse | None) -> Outcome:
     fit = found.fit
     return Outcome(
         model=fit.model, observed=fit.model.frames, state=fit.state, status=fit.status, iterations=fit.iterations,

@@ -16,8 +16,8 @@ from pipeline.experiments.answers import Answer, optimum, straight, whole
 from pipeline.experiments.declare import Approach, Cell, Experiment, Spell
 from pipeline.experiments.measure import MEASURES, measure, place
 from pipeline.records import CameraInput, Problem
-from pipeline.solver.findings import find_degeneracies
-from pipeline.solver.layout import Frames, pack
+from pipeline.solver.observability.findings import find_degeneracies
+from pipeline.solver.observation.observations import Frames, pack
 from pipeline.synthetic.scene import Scene
 from pipeline.synthetic.simulate import simulate
 

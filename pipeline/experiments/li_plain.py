@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import leastsq
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.layout import Frames
-from pipeline.solver.li import STILL_S
+from pipeline.solver.methods.li import STILL_S
+from pipeline.solver.observation.observations import Frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,16 +12,16 @@ from dataclasses import replace
 
 from pipeline.experiments.li_plain import iterated, sights_of
 from pipeline.records import Problem, Solution, SolverSettings
-from pipeline.solver import dense
-from pipeline.solver.assembly import linear
-from pipeline.solver.intersection import intersect
-from pipeline.solver.layout import Frames, metric, pack
-from pipeline.solver.levenberg import Fit
-from pipeline.solver.li import alternate
-from pipeline.solver.model import Model, State
-from pipeline.solver.results import Outcome, solution_of
-from pipeline.solver.start import first_camera, first_choice, first_model, given_offsets
-from pipeline.solver.timing import OFFSET
+from pipeline.solver.adjustment import compiled_descent
+from pipeline.solver.adjustment.assembly import linear
+from pipeline.solver.adjustment.levenberg_marquardt import Fit
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods.intersection import intersect
+from pipeline.solver.methods.li import alternate
+from pipeline.solver.methods.parameters import first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.methods.results import Outcome, solution_of
+from pipeline.solver.observation.clocks import OFFSET
+from pipeline.solver.observation.observations import Frames, metric, pack
 
 
 def solve_li(problem: Problem, settings: SolverSettings, *, plain: bool = False) -> Solution:
@@ -39,7 +39,7 @@ def alternated(
     """The same on packed sightings, without the record: where it ends, and the seconds it took."""
     if plain:
         return _plainly(problem, settings, frames)
-    dense.warm()
+    compiled_descent.warm()
     began = time.perf_counter()
     model, state = _begun(problem, settings, frames)
     fit = alternate(model, state, settings.max_iterations)

@@ -5,17 +5,17 @@ and `write_exports` is the edge. The tables that later stages read back (tracks.
 Heights on the map are above the WGS84 ellipsoid; a format whose readers expect mean sea level says so inside.
 """
 
-from pipeline.export.as_czml import czml
-from pipeline.export.as_geojson import geojson
-from pipeline.export.as_gpx import gpx
 from pipeline.export.as_json import solution_json
-from pipeline.export.as_kml import kml
-from pipeline.export.as_poses import poses_csv, read_poses_csv
-from pipeline.export.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
-from pipeline.export.as_tracks import read_tracks_csv, tracks_csv
 from pipeline.export.as_tum import tum, tum_of_others
-from pipeline.export.detections import read_detections_csv
 from pipeline.export.exporters import EXPORTS, Exporter, export_all, not_exported, write_exports
+from pipeline.export.maps.as_czml import czml
+from pipeline.export.maps.as_geojson import geojson
+from pipeline.export.maps.as_gpx import gpx
+from pipeline.export.maps.as_kml import kml
+from pipeline.export.tables.as_poses import poses_csv, read_poses_csv
+from pipeline.export.tables.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
+from pipeline.export.tables.as_tracks import read_tracks_csv, tracks_csv
+from pipeline.export.tables.detections import read_detections_csv
 
 __all__ = [
     "EXPORTS",

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from calibration.foundation.arrays import Floats
-from pipeline.export.cells import utc_texts
+from pipeline.export.text.cells import utc_texts
 from pipeline.records import Bias, Clock, Motion, Redundancy, Results, Solution
 
 FORMAT = 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from pipeline.export.cells import fixed
+from pipeline.export.text.cells import fixed
 from pipeline.records import Results, Trajectory
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from calibration.foundation.errors import WriteError
 from calibration.foundation.files import write_whole
-from pipeline.export.as_czml import czml
-from pipeline.export.as_geojson import geojson
-from pipeline.export.as_gpx import gpx
 from pipeline.export.as_json import solution_json
-from pipeline.export.as_kml import kml
-from pipeline.export.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
 from pipeline.export.as_tum import tum, tum_of_others
+from pipeline.export.maps.as_czml import czml
+from pipeline.export.maps.as_geojson import geojson
+from pipeline.export.maps.as_gpx import gpx
+from pipeline.export.maps.as_kml import kml
+from pipeline.export.tables.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
 from pipeline.records import Results
 
 NO_ORIGIN = "the flight is on no map: no log knows where it was; give origin = { lat, lon, height } under [flight]"

@@ -1,9 +1,20 @@
 """The flight file: TOML in, one validated immutable `Flight` out. Unknown keys are refused, nothing is guessed."""
 
 from pipeline.flight.read import read_flight
-from pipeline.flight.settings import CameraSettings, Flight, MountSettings, SolveSettings, StillPose, TargetSettings
+from pipeline.flight.settings import (
+    AUTO,
+    CAMERA_EVENT,
+    CameraSettings,
+    Flight,
+    MountSettings,
+    SolveSettings,
+    StillPose,
+    TargetSettings,
+)
 
 __all__ = [
+    "AUTO",
+    "CAMERA_EVENT",
     "CameraSettings",
     "Flight",
     "MountSettings",

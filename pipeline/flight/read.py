@@ -12,6 +12,8 @@ from typing import TypeVar
 from calibration.foundation.errors import UsageError
 from calibration.foundation.files import read_bytes
 from pipeline.flight.settings import (
+    AUTO,
+    CAMERA_EVENT,
     CameraSettings,
     Flight,
     MountSettings,
@@ -187,7 +189,7 @@ def _start(table: Table) -> float | str | None:
     if isinstance(value, datetime):
         return value.isoformat()
     if isinstance(value, str):
-        if value not in ("camera-event", "auto"):
+        if value not in (CAMERA_EVENT, AUTO):
             try:
                 datetime.fromisoformat(value)
             except ValueError:

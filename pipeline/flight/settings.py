@@ -13,6 +13,8 @@ from pipeline.records.motion import MotionKind
 from pipeline.records.problem import ClockKind, Method, Robust
 
 Vector = tuple[float, float, float]
+CAMERA_EVENT, AUTO = "camera-event", "auto"
+"""`start` in words: the first exposure that the log knows of; found by the camera's turning."""
 
 
 @dataclass(frozen=True, kw_only=True)

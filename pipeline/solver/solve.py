@@ -19,22 +19,22 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
-from pipeline.solver import dense, li
-from pipeline.solver import map as statistical
-from pipeline.solver.assembly import linear
-from pipeline.solver.beginning import candidates
-from pipeline.solver.bordered import factorise
-from pipeline.solver.covariance import Inverse
-from pipeline.solver.findings import find_degeneracies
-from pipeline.solver.intersection import intersect
-from pipeline.solver.layout import Frames, metric, pack, with_poses_of
-from pipeline.solver.levenberg import SMALL, Descent, Fit, Progress, levenberg_marquardt
-from pipeline.solver.model import Model, State
-from pipeline.solver.moving_poses import renewing
-from pipeline.solver.results import Outcome, solution_of
-from pipeline.solver.search_views import views
-from pipeline.solver.start import FIRST_ORDER, first_camera, first_choice, first_model, given_offsets
-from pipeline.solver.triangulation import triangulate
+from pipeline.solver.adjustment import compiled_descent
+from pipeline.solver.adjustment.assembly import linear
+from pipeline.solver.adjustment.banded_system import factorise
+from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.adjustment.log_poses import renewing
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods import li, map_estimation
+from pipeline.solver.methods.initialisation import candidates
+from pipeline.solver.methods.intersection import intersect
+from pipeline.solver.methods.parameters import FIRST_ORDER, first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.methods.results import Outcome, solution_of
+from pipeline.solver.methods.triangulation import triangulate
+from pipeline.solver.observability.findings import find_degeneracies
+from pipeline.solver.observation.observations import Frames, metric, pack, with_poses_of
+from pipeline.solver.offset_search.views import views
+from pipeline.solver.uncertainty.covariance import Inverse
 
 LI_ROUNDS = 500
 EARLY = 1e-3
@@ -69,7 +69,7 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     method = METHODS[settings.method]
     starts = candidates(problem, settings)
     asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
-    dense.warm()
+    compiled_descent.warm()
     began = time.perf_counter()
     found = method(asked)
     seconds = time.perf_counter() - began
@@ -148,8 +148,8 @@ def _triangulation(asked: Asked) -> Finish:
 
 
 def _map(asked: Asked) -> Finish:
-    found = statistical.adjust(asked.problem, asked.settings, asked.frames, asked.starts, asked.progress)
-    return partial(statistical.outcome, found)
+    found = map_estimation.adjust(asked.problem, asked.settings, asked.frames, asked.starts, asked.progress)
+    return partial(map_estimation.outcome, found)
 
 
 METHODS: dict[str, Callable[[Asked], Finish]] = {

@@ -3,14 +3,15 @@
 Each stage is a function of the flight and of what came before; `run` chains them and resumes where it was stopped.
 """
 
-from pipeline.stages.log_paths import log_paths
-from pipeline.stages.measured import MeasuredPoses
-from pipeline.stages.poses import measure_poses
-from pipeline.stages.problem import build_problem, read_models, sight_rays
-from pipeline.stages.results import gather_results
-from pipeline.stages.run import RunSummary, run_flight, run_poses, run_solve, run_track
-from pipeline.stages.sources import open_sources
-from pipeline.stages.tracks import read_tracks, track_camera
+from pipeline.stages.inputs.log_paths import log_paths
+from pipeline.stages.inputs.sources import open_sources
+from pipeline.stages.inputs.tracks import read_tracks, track_camera
+from pipeline.stages.poses.measure import measure_poses
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.build import build_problem
+from pipeline.stages.problem.rays import read_models, sight_rays
+from pipeline.stages.running.results import gather_results
+from pipeline.stages.running.run import RunSummary, run_flight, run_poses, run_solve, run_track
 
 __all__ = [
     "MeasuredPoses",

@@ -1,14 +1,14 @@
 """Stage 2: video and first boxes become image tracks."""
 
-from pipeline.tracking.contact import contact_sheet
-from pipeline.tracking.overlay import overlay_frame, overlay_frames, write_overlay
-from pipeline.tracking.propose import Proposal, propose_targets
-from pipeline.tracking.reader import FrameReader
+from pipeline.tracking.detection.contact_sheet import contact_sheet
+from pipeline.tracking.detection.propose import Proposal, propose_targets
+from pipeline.tracking.following.overlay import overlay_frame, overlay_frames, write_overlay
+from pipeline.tracking.following.track import track_video
 from pipeline.tracking.records import VideoTimes, VideoTracks
+from pipeline.tracking.scene.turning import ImageTurning, image_turning
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.track import track_video
-from pipeline.tracking.turning import ImageTurning, image_turning
-from pipeline.tracking.video import video_head, video_times
+from pipeline.tracking.video.frames import video_head, video_times
+from pipeline.tracking.video.reader import FrameReader
 
 __all__ = [
     "FrameReader",

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from calibration.foundation.arrays import Floats, frozen, settle
 from pipeline.records import ImageTrack
+
+Record = TypeVar("Record")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,3 +57,18 @@ class VideoTracks:
         predicted = tuple(frozen(p, (None, 3), "predicted_px") for p in self.predicted_px)
         times = frozen(self.frame_time_s, (None,), "frame_time_s")
         settle(self, frame_time_s=times, outlines_px=outlines, predicted_px=predicted)
+
+
+def changed(record: Record, **values: object) -> Record:
+    """The dataclass `record` (frozen, without slots or `__post_init__`) with other values; nothing cached is kept.
+
+    Raises TypeError where it has no such field.
+    """
+    kind: Any = type(record)
+    fields = kind.__dataclass_fields__
+    if not fields.keys() >= values.keys():
+        raise TypeError(f"{kind.__name__} has no field {', '.join(values.keys() - fields.keys())}")
+    out: Record = object.__new__(kind)
+    before = record.__dict__
+    out.__dict__.update({name: before[name] for name in fields} | values)
+    return out

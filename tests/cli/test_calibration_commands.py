@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration import Board, read_camera
-from calibration.charuco import charuco_board
+from calibration.boards.charuco import charuco_board
 from pipeline.cli.main import main
 from tests.scenes.calibration import camera, poses, rendered_photos, true_corners
 from tests.scenes.table_flight import write_table_flight

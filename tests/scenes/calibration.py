@@ -7,10 +7,10 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from calibration.board import Board
+from calibration.boards.board import Board
+from calibration.boards.view import BoardView
 from calibration.camera import CameraModel, project, unproject
 from calibration.foundation.arrays import Floats
-from calibration.views import BoardView
 
 BOARD = Board(cols=9, rows=6, square_m=0.025)
 LENS = (-0.28, 0.09, 0.0008, -0.0006, 0.0)

@@ -12,11 +12,11 @@ from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack, Problem, SightRays, SolverSettings, TargetInput
 from pipeline.records.motion import MotionKind
-from pipeline.solver.elimination import CAUCHY, HUBER, Loss
-from pipeline.solver.layout import pack
-from pipeline.solver.model import Model, State
-from pipeline.solver.start import MotionChoice, basis_at, first_camera, first_model
-from pipeline.solver.timing import common_time_s, drift_knots
+from pipeline.solver.adjustment.elimination import CAUCHY, HUBER, Loss
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods.parameters import MotionChoice, basis_at, first_camera, first_model
+from pipeline.solver.observation.clocks import common_time_s, drift_knots
+from pipeline.solver.observation.observations import pack
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
 

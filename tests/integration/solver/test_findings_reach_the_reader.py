@@ -14,7 +14,18 @@ from pipeline.records import Problem, SolverSettings
 from pipeline.report.summary import remarks
 from pipeline.solver import solve
 from tests.scenes.export import tiny_results
-from tests.unit.solver.test_findings import CAR, CURVED, SIGMA, STILL_SOUTH, STILL_WEST, STRAIGHT, VAN, Cam, poly, scene
+from tests.unit.solver.observability.test_findings import (
+    CAR,
+    CURVED,
+    SIGMA,
+    STILL_SOUTH,
+    STILL_WEST,
+    STRAIGHT,
+    VAN,
+    Cam,
+    poly,
+    scene,
+)
 
 TOLD_SOUTH = Cam(STILL_SOUTH, tell_offset=True)
 AT_THE_WATCHER = poly([0, 0, 0], [0, -6, 0])

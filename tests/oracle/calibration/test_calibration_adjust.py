@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.adjust import Fit, Model, adjust, jacobians, project_all, stacked
-from calibration.start import first_fit
-from calibration.uncertainty import believed, corner_noise_px, held_out_px, uncertainty
+from calibration.adjustment.bundle import Fit, Model, adjust, jacobians, project_all, stacked
+from calibration.adjustment.covariance import believed, corner_noise_px, held_out_px, uncertainty
+from calibration.adjustment.initialisation import first_fit
 from tests.scenes.calibration import BOARD, camera, computed_views, poses, true_corners
 
 MIDDLE = BOARD.points_m - BOARD.points_m.mean(axis=0)

@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.tracking import _kernels
-from pipeline.tracking import align as alignment
-from pipeline.tracking.background import advance, first_background, moved
-from pipeline.tracking.kinematics import carried, corrected, first_course
-from pipeline.tracking.template import Patch, Warp, adapted, first_template
+from pipeline.tracking.scene.background import advance, first_background, moved
+from pipeline.tracking.target import _kernels, alignment
+from pipeline.tracking.target.kinematics import carried, corrected, first_course
+from pipeline.tracking.target.template import Patch, Warp, adapted, first_template
 
 
 def smooth_noise(seed: int, height: int, width: int, grain: int = 5) -> np.ndarray:

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.export import poses_csv, read_detections_csv, read_poses_csv, read_tracks_csv, tracks_csv
-from pipeline.export.as_geojson import cut_at_antimeridian
-from pipeline.export.cells import fixed, utc_texts
+from pipeline.export.maps.as_geojson import cut_at_antimeridian
+from pipeline.export.text.cells import fixed, utc_texts
 from pipeline.records import LOST, REACQUIRED, TRACKED, ImageTrack, PoseTrack
 
 names = st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1, max_size=8)

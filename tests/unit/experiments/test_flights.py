@@ -25,7 +25,7 @@ from pipeline.experiments.flights import (
 )
 from pipeline.experiments.measure import MEASURES, place, viewpoint_errors
 from pipeline.experiments.summary import estimate
-from pipeline.solver.timing import OFFSET
+from pipeline.solver.observation.clocks import OFFSET
 from pipeline.synthetic.scene import camera_pose
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from pipeline.export import czml, geojson, gpx, kml, tum, tum_of_others
-from pipeline.export.as_geojson import cut_at_antimeridian, line_or_point
-from pipeline.export.places import geodetic_degrees, target_paths, thinned
+from pipeline.export.maps.as_geojson import cut_at_antimeridian, line_or_point
+from pipeline.export.text.places import geodetic_degrees, target_paths, thinned
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Results, Trajectory
 from tests.scenes.export import BUS, VAN, tiny_results

@@ -1,0 +1,1 @@
+"""Corners become intrinsics: first values, bundle adjustment, covariance, choice of the lens model."""

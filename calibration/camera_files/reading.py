@@ -1,0 +1,134 @@
+"""The camera in a file: ours (JSON), and those of OpenCV, ROS, Kalibr, caliscope and aniposelib."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from calibration.camera import CameraModel
+from calibration.camera_files.dialects import NotACamera, camera_from, cameras_in
+from calibration.camera_files.yaml_document import parse_yaml
+from calibration.foundation.errors import InputFileError
+from calibration.foundation.files import read_bytes
+
+EXPECTED = "a camera file: JSON of `runningfix calibrate`, OpenCV YAML/XML, ROS camera_info, Kalibr or TOML"
+
+
+def read_camera(path: Path, *, camera: str | None = None) -> CameraModel:
+    """The camera in `path`, in whatever of the known formats it is; the content decides, not the name.
+
+    `camera` names one where the file holds several (a Kalibr camchain, an aniposelib or caliscope array). Where the
+    file gives no image size, `image_size` is (0, 0) and `made["note"]` says what cannot be checked.
+    Raises InputFileError where the file is missing, cut off, or holds no sensible camera.
+    """
+    text = _text(path)
+    format_name, document = _parsed(path, text)
+    fields = _one_camera(path, document, camera)
+    made = fields.get("made") if isinstance(fields.get("made"), Mapping) else None
+    try:
+        return camera_from(fields, made if made is not None else {"from": f"{path.name} ({format_name})"})
+    except NotACamera as reason:
+        raise InputFileError(
+            where=f"{path}, {reason.key}",
+            seen=reason.seen,
+            expected=reason.expected,
+            advice="correct the file, or calibrate again with `runningfix calibrate`",
+        ) from None
+
+
+def _text(path: Path) -> str:
+    raw = read_bytes(path, expected=EXPECTED)
+    if not raw.strip():
+        raise InputFileError(
+            where=str(path), seen="an empty file", expected=EXPECTED, advice="calibrate again, or copy the file anew"
+        )
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputFileError(
+            where=str(path), seen="not a text file", expected=EXPECTED, advice="check that this is the right file"
+        ) from None
+
+
+def _parsed(path: Path, text: str) -> tuple[str, Any]:
+    """The name of the format and the document."""
+    start = text.lstrip()
+    if start.startswith("{"):
+        name, parse = "JSON", _parse_json
+    elif start.startswith("<"):
+        name, parse = "OpenCV XML", _parse_xml
+    elif path.suffix.lower() == ".toml":
+        name, parse = "TOML", _parse_toml
+    else:
+        name, parse = "YAML", _parse_yaml
+    try:
+        return name, parse(text)
+    except ValueError as error:
+        raise InputFileError(
+            where=str(path),
+            seen=f"{name} that cannot be read ({error})",
+            expected=EXPECTED,
+            advice="check that the file is whole and of one of these formats",
+        ) from None
+
+
+def _parse_json(text: str) -> Any:
+    return json.loads(text)
+
+
+def _parse_toml(text: str) -> Any:
+    return tomllib.loads(text)
+
+
+def _parse_yaml(text: str) -> Any:
+    return parse_yaml(text)
+
+
+def _parse_xml(text: str) -> Any:
+    if "<!ENTITY" in text:
+        raise ValueError("entity definitions are not accepted")
+    try:
+        return _xml_value(ET.fromstring(text))
+    except ET.ParseError as error:
+        raise ValueError(str(error)) from None
+
+
+def _xml_value(node: ET.Element) -> Any:
+    if len(node):
+        return {child.tag: _xml_value(child) for child in node}
+    words = (node.text or "").split()
+    try:
+        numbers: list[float] = [float(word) for word in words]
+    except ValueError:
+        return (node.text or "").strip().strip('"')
+    if node.tag == "data" or len(numbers) != 1:
+        return numbers
+    return numbers[0]
+
+
+def _one_camera(path: Path, document: Any, camera: str | None) -> Mapping[str, Any]:
+    cameras = cameras_in(document)
+    if not cameras:
+        keys = ", ".join(list(document)[:6]) if isinstance(document, Mapping) else type(document).__name__
+        raise InputFileError(
+            where=str(path),
+            seen=f"no camera matrix (found: {keys or 'nothing'})",
+            expected=EXPECTED,
+            advice="check that this is a camera file; ours has the keys model, image_size, K, distortion",
+        )
+    if camera is not None:
+        chosen = [name for name in cameras if name == camera or name.split(".")[-1] == camera]
+    else:
+        chosen = list(cameras)
+    if len(chosen) != 1:
+        raise InputFileError(
+            where=str(path),
+            seen=f"{len(cameras)} cameras: {', '.join(cameras)}" + (f", none named {camera!r}" if camera else ""),
+            expected="one camera, or the name of one of them",
+            advice="keep the camera you mean in a file of its own",
+        )
+    return cameras[chosen[0]]

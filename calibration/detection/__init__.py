@@ -1,0 +1,1 @@
+"""The board found in a photo, and its corners to a hundredth of a pixel."""

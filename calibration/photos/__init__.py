@@ -1,0 +1,1 @@
+"""Photos and videos of a board, and what they say about their camera."""

@@ -1,0 +1,1 @@
+"""A calibration for people: one page."""

@@ -1,0 +1,1 @@
+"""Photos to views, views to a camera: what the command line runs."""

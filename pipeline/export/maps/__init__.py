@@ -1,0 +1,1 @@
+"""What maps and globes open: GeoJSON, KML, CZML, GPX."""

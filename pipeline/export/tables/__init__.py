@@ -1,0 +1,1 @@
+"""Comma-separated tables: tracks, poses, detections, and the tables of a solution."""

@@ -1,0 +1,1 @@
+"""What the formats share: numbers and places as text, tables and XML written and read with care."""

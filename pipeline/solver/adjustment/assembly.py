@@ -1,0 +1,223 @@
+"""From a point to the normal equations of all its unknowns.
+
+Block by block, local power series turn into coefficients and local columns into the cameras' parameters
+(`Blocks.local_from_camera`); then the priors come on top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.adjustment import _kernels
+from pipeline.solver.adjustment.banded_system import Bordered
+from pipeline.solver.adjustment.elimination import At, BlockNormals, block_normals, frame_steps
+from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
+from pipeline.solver.observation.clocks import FOCAL, common_time_s
+from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks, partition
+
+CHUNK_BLOCKS = 1024
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linear:
+    """The adjustment linearised at `state`.
+
+    system  normal equations, gradient included, priors included
+    cost    half the (robust) chi-square, priors included
+    found   the blocks and the point as they were eliminated, None: worked out when somebody asks
+    """
+
+    model: Model
+    state: State
+    system: Bordered
+    cost: float
+    frame_gain: float
+    kept: Floats | None = None
+    found: tuple[Blocks, At] | None = None
+
+    @cached_property
+    def _where(self) -> tuple[Blocks, At]:
+        return self.found or blocks_at(self.model, self.state)
+
+    @property
+    def blocks(self) -> Blocks:
+        """The blocks at the state's clocks."""
+        return self._where[0]
+
+    @property
+    def at(self) -> At:
+        """The state as the elimination wants it."""
+        return self._where[1]
+
+
+def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[Blocks, At]:
+    """The blocks at a point's clocks, and the point as the elimination wants it."""
+    time = common_time_s(model.frames, model.drift, state.camera, state.deviation)
+    blocks = partition(model.frames, model.basis, model.drift, time, state.camera, state.deviation, cluster)
+    at = At(
+        series=model.basis.series(blocks.span, state.coefficients),
+        bias=np.ascontiguousarray(state.camera[:, :6]),
+        focal=np.ascontiguousarray(state.camera[:, FOCAL]),
+        own=state.own,
+        camera=state.camera,
+    )
+    return blocks, at
+
+
+def linear(model: Model, state: State) -> Linear:
+    """Normal equations and cost at `state`: one pass over the frames."""
+    blocks, at = blocks_at(model, state)
+    normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
+    system, prior_cost = add_priors(model, state, assemble(model, blocks, normals))
+    return Linear(
+        model=model, state=state, system=system, cost=normals.cost + prior_cost, frame_gain=normals.frame_gain,
+        kept=normals.kept, found=(blocks, at),
+    )  # fmt: skip
+
+
+def global_places(model: Model, blocks: Blocks) -> Ints:
+    """(B, G) where the block's targets' acting coefficients (target, axis, coefficient) and 12 parameters sit."""
+    order, parts = model.order, []
+    for t in model.basis.targets:
+        acting = order.coefficient[t.active[blocks.span][:, None] + np.arange(t.degree + 1)]
+        parts.append(np.swapaxes(acting, 1, 2).reshape(len(blocks.camera), -1))
+    parts.append(order.camera[blocks.camera])
+    knots = np.full((len(blocks.camera), 2), -1, dtype=np.int64)
+    drifting = blocks.segment >= 0
+    if drifting.any():
+        knots[drifting] = order.drift[blocks.segment[drifting][:, None] + np.arange(2)]
+    return np.concatenate([*parts, knots], axis=1)
+
+
+def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floats:
+    """(b, L, G): the chain rule from the unknowns of `global_places` to the local ones."""
+    basis, span = model.basis, blocks.span[low:high]
+    powers = basis.degree + 1
+    _, columns, parameters = blocks.local_from_camera.shape
+    width = 3 * sum(t.degree + 1 for t in basis.targets) + parameters
+    out = np.zeros((high - low, 3 * powers * len(basis.targets) + columns, width))
+    row = column = 0
+    for t in basis.targets:
+        for _ in range(3):
+            out[:, row : row + powers, column : column + t.degree + 1] = t.transform[span]
+            row, column = row + powers, column + t.degree + 1
+    out[:, row:, column:] = blocks.local_from_camera[low:high]
+    return out
+
+
+def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
+    """All blocks' normal equations in the order of the unknowns, without priors; compiled where numba is installed."""
+    if not _kernels.AVAILABLE or blocks.local_from_camera.shape[1] > LOCAL_COLUMNS:
+        return assemble_plain(model, blocks, normals)
+    order, basis = model.order, model.basis
+    band, border, corner, gradient = _kernels.assemble(
+        normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
+        global_places(model, blocks), order.n_band, order.n_border, order.width,
+    )  # fmt: skip
+    return Bordered(band=band, border=border, corner=corner, gradient=gradient)
+
+
+def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
+    """The same in numpy only."""
+    order = model.order
+    n, q, w = order.n_band, order.n_border, order.width
+    band, border, corner = np.zeros((w + 1) * n), np.zeros(n * q), np.zeros(q * q)
+    gradient = np.zeros(n + q)
+    places = global_places(model, blocks)
+    for low in range(0, len(blocks.camera), CHUNK_BLOCKS):
+        high = min(low + CHUNK_BLOCKS, len(blocks.camera))
+        chain = local_from_global(model, blocks, low, high)
+        turned = np.swapaxes(chain, 1, 2)
+        matrix = turned @ normals.normal[low:high] @ chain
+        vector = (turned @ normals.gradient[low:high, :, None])[..., 0]
+        place = places[low:high]
+        held = place < 0
+        gradient += np.bincount(place[~held], vector[~held], minlength=n + q)
+        i, j = np.broadcast_arrays(place[:, :, None], place[:, None, :])
+        free = (i >= 0) & (j >= 0)
+        i, j, value = i[free], j[free], matrix[free]
+        for choice, size, index, target in (
+            ((i < n) & (j < n) & (i >= j), (w + 1) * n, (i - j) * n + j, band),
+            ((i < n) & (j >= n), n * q, i * q + j - n, border),
+            ((i >= n) & (j >= n), q * q, (i - n) * q + j - n, corner),
+        ):
+            target += np.bincount(index[choice], value[choice], minlength=size)
+    return Bordered(
+        band=band.reshape(w + 1, n), border=border.reshape(n, q), corner=corner.reshape(q, q), gradient=gradient
+    )
+
+
+def add_priors(model: Model, state: State, data: Bordered) -> tuple[Bordered, float]:
+    """The system with priors of cameras, drifting clocks and splines on top, and what they cost at `state`."""
+    band, corner, gradient = data.band.copy(), data.corner.copy(), data.gradient.copy()
+    n, order, priors = data.n_band, model.order, model.priors
+    off = state.camera - priors.camera_mean
+    pull = priors.camera_precision * off
+    free = order.camera >= 0
+    place = order.camera[free]
+    gradient[place] += pull[free]
+    corner[place - n, place - n] += priors.camera_precision[free]
+    cost = 0.5 * float((pull * off).sum())
+    for c in range(len(model.frames.cameras)):
+        if model.drift_free and model.drift.of(c).stop > model.drift.of(c).start:
+            matrix = drift_penalty(model.drift, c, float(priors.drift_rate[c]))
+            place = order.drift[model.drift.of(c)]
+            pulled = matrix @ state.deviation[model.drift.of(c)]
+            corner[np.ix_(place - n, place - n)] += matrix
+            gradient[place] += pulled
+            cost += 0.5 * float(pulled @ state.deviation[model.drift.of(c)])
+    if model.motion_free:
+        for t in range(len(model.basis.targets)):
+            cost += _add_jerk(model, state, t, band, gradient)
+    return Bordered(band=band, border=data.border, corner=corner, gradient=gradient), cost
+
+
+def _add_jerk(model: Model, state: State, t: int, band: Floats, gradient: Floats) -> float:
+    """Adds a spline's white-jerk prior to the band and the gradient in place; returns its cost."""
+    target = model.basis.targets[t]
+    if target.kind != "spline":
+        return 0.0
+    first, rows, _ = jerk_penalty(model, t)
+    acting = first[:, None] + np.arange(target.degree + 1)
+    value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
+    place = model.order.coefficient[acting]
+    np.add.at(gradient, place, rows[:, :, None] * value[:, None, :])
+    i, j = place[:, :, None, :], place[:, None, :, :]
+    i, j, product = np.broadcast_arrays(i, j, (rows[:, :, None] * rows[:, None, :])[..., None])
+    low = i >= j
+    np.add.at(band, ((i - j)[low], j[low]), product[low])
+    return 0.5 * float((value**2).sum())
+
+
+def moved(model: Model, here: Linear, step: Floats) -> State:
+    """The point a step (n + q,) away, every frame's own pose error following in closed form."""
+    order, state = model.order, here.state
+
+    def part(place: Ints) -> Floats:
+        return np.where(place >= 0, step[place], 0.0) if len(step) else np.zeros(place.shape)
+
+    own = state.own
+    if model.pose.free:
+        local = local_step(model, here, step)
+        own = own + frame_steps(model.frames, model.pose, model.loss, here.at, here.blocks, local, here.kept)
+    return State(
+        coefficients=state.coefficients + part(order.coefficient),
+        camera=state.camera + part(order.camera),
+        deviation=state.deviation + part(order.drift),
+        own=own,
+    )
+
+
+def local_step(model: Model, here: Linear, step: Floats) -> Floats:
+    """(B, L): the step of the local unknowns of every block."""
+    places = global_places(model, here.blocks)
+    chosen = np.where(places >= 0, step[places], 0.0)
+    out = []
+    for low in range(0, len(places), CHUNK_BLOCKS):
+        high = min(low + CHUNK_BLOCKS, len(places))
+        out.append((local_from_global(model, here.blocks, low, high) @ chosen[low:high, :, None])[..., 0])
+    return np.concatenate(out)

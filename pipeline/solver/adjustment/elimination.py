@@ -1,0 +1,321 @@
+"""The normal equations of every block, with the frames' own pose errors eliminated in closed form.
+
+All that a frame observes touches z = (target positions 3 N, bias 6, focal, time, pose time) of that instant. With A its
+derivative by the pose, J by z, W the robust weights, S the spread and H = S A'WA S + prior:
+
+    information M = J'WJ - E'H^-1 E        E = S A'WJ
+    gradient    m = J'Wr - E'H^-1 h        h = S A'Wr + prior u
+    afterwards  du = -H^-1 (h + E dz)
+
+(design of the elimination: a Schur complement whose blocks are 6 x 6). The motion makes dz out of power series in u, so
+that a block's normal matrix is made of the moments sum_f M(f) u^k: one pass, cost linear in frames, no matrix larger
+than one block. This file is the plain numpy form; `_kernels.py` computes the same compiled.
+"""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.adjustment import _kernels
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS
+from pipeline.solver.observation.frame_blocks import Blocks
+from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.residuals import Linearised, linearise, place_shift
+
+CHUNK_FRAMES = 2048
+KEPT_NUMBERS, LARGE_PAGES = 25_000_000, 8_000_000
+"""200 MB: beyond, the frames' steps are computed anew instead of kept. 64 MB: up to there in large pages."""
+POPULATE_WRITE = 23
+"""MADV_POPULATE_WRITE of Linux, which Python's mmap does not name."""
+NONE, HUBER, CAUCHY = 0, 1, 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseError:
+    """What a frame's pose may be wrong by.
+
+    spread, prior  (C, 6): e = bias + spread u, prior (0 or 1) u^2 / 2 added to the cost; spread 0 holds
+    damping        relative, added to the data's part of H (methods without prior)
+    """
+
+    spread: Floats
+    prior: Floats
+    damping: float = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether any frame has an error of its own."""
+        return bool(self.spread.any())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Loss:
+    """rho of the squared length of a residual: `kind` NONE, HUBER or CAUCHY, and where it bends, in sigmas."""
+
+    kind: int = NONE
+    bend: float = 1.0
+
+    def weight(self, square: Floats) -> Floats:
+        """rho'(square): what a sighting counts, 0 to 1."""
+        if self.kind == HUBER:
+            return np.asarray(self.bend / np.sqrt(np.maximum(square, self.bend**2)))
+        if self.kind == CAUCHY:
+            return np.asarray(1 / (1 + square / self.bend**2))
+        return np.ones_like(square)
+
+    def cost(self, square: Floats) -> Floats:
+        """rho(square)."""
+        if self.kind == HUBER:
+            linear = 2 * self.bend * np.sqrt(square) - self.bend**2
+            return np.where(square > self.bend**2, linear, square)
+        if self.kind == CAUCHY:
+            return np.asarray(self.bend**2 * np.log1p(square / self.bend**2))
+        return np.asarray(square)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class At:
+    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (C, 6), `focal` (C,), `own` (F, 6).
+
+    camera (C, W): the cameras' parameters, of which the place errors are taken
+    """
+
+    series: Floats
+    bias: Floats
+    focal: Floats
+    own: Floats
+    camera: Floats
+
+    @property
+    def placed(self) -> bool:
+        """Whether there are place errors."""
+        return bool(self.camera.shape[1] > CAMERA_PARAMETERS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockNormals:
+    """`normal` (B, L, L) and `gradient` (B, L) of the local unknowns: target, axis, power; then the 11 columns.
+
+    kept        what the frames' steps need, (F, ...); None: they are computed anew
+    cost        half of rho summed, and of the frames' own priors
+    frame_gain  what moving the frames' own errors alone would take off the cost
+    """
+
+    normal: Floats
+    gradient: Floats
+    cost: float
+    frame_gain: float
+    kept: Floats | None = None
+
+
+def _target_motion(series: Floats, u: Floats, half_s: Floats) -> tuple[Floats, Floats]:
+    """Positions and velocities (n, N, 3) of power series (n, N, 3, K + 1) at u (n,)."""
+    degree = series.shape[-1] - 1
+    powers = u[:, None] ** np.arange(degree + 1)
+    position = np.einsum("bnij,bj->bni", series, powers)
+    speed = powers[:, :degree] * np.arange(1, degree + 1)
+    return position, np.einsum("bnij,bj->bni", series[..., 1:], speed) / half_s[:, None, None]
+
+
+def _frame_index(blocks: Blocks, low: int, high: int) -> Ints:
+    """Block of every frame from block `low` up to `high`."""
+    return np.repeat(np.arange(low, high), np.diff(blocks.begin[low : high + 1]))
+
+
+def _columns(found: Linearised, velocity: Floats, place_gain: Floats | None) -> Floats:
+    """J (n, 2 N, 3 N + 9 [+ 2 N]): derivative by targets' positions, bias, focal, time, pose time [and places]."""
+    n, targets = found.residual.shape[:2]
+    out = np.zeros((n, targets, 2, 3 * targets + 9 + (0 if place_gain is None else 2 * targets)))
+    for t in range(targets):
+        out[:, t, :, 3 * t : 3 * t + 3] = found.by_position[:, t]
+    rest = 3 * targets
+    out[..., rest : rest + 6] = found.by_pose
+    out[..., rest + 6] = found.by_focal
+    out[..., rest + 7] = (found.by_position @ velocity[..., None])[..., 0]
+    out[..., rest + 8] = found.by_pose_time
+    if place_gain is not None:
+        for t in range(targets):
+            for axis in range(2):
+                out[:, t, axis, rest + 9 + 2 * t + axis] = place_gain[:, t]
+    return out.reshape(n, 2 * targets, -1)
+
+
+def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, low: int, high: int):  # type: ignore[no-untyped-def]
+    """Everything of the frames of blocks `low` to `high`, multiplied by the root of the robust weight."""
+    part = slice(int(blocks.begin[low]), int(blocks.begin[high]))
+    block, camera = _frame_index(blocks, low, high), frames.camera[part]
+    position, velocity = _target_motion(at.series[block], blocks.u[part], blocks.half_s[block])
+    error = at.bias[camera] + pose.spread[camera] * at.own[part]
+    found = linearise(frames, part, position, error, at.focal[camera])
+    residual = found.residual
+    if at.placed and frames.angular:
+        residual = residual + place_shift(frames, part, at.camera)
+    square = (residual**2).sum(-1)
+    root = np.repeat(np.sqrt(loss.weight(square)), 2, axis=1)
+    J = _columns(found, velocity, frames.place_gain[part] if at.placed else None) * root[..., None]
+    n_targets = len(frames.targets)
+    A = J[..., 3 * n_targets : 3 * n_targets + 6] * pose.spread[camera][:, None]
+    r = residual.reshape(len(camera), -1) * root
+    At_ = np.swapaxes(A, 1, 2)
+    H = At_ @ A
+    diagonal = np.einsum("nii->ni", H)
+    diagonal += pose.prior[camera] + pose.damping * diagonal
+    diagonal += np.where(diagonal == 0, 1.0, 0.0)
+    h = (At_ @ r[..., None])[..., 0] + pose.prior[camera] * at.own[part]
+    cost = 0.5 * loss.cost(square).sum() + 0.5 * (pose.prior[camera] * at.own[part] ** 2).sum()
+    return part, J, r, H, At_ @ J, h, float(cost)
+
+
+def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
+    """See the head of this file; numpy only."""
+    n_blocks, n_targets, degree = len(blocks.camera), len(frames.targets), at.series.shape[-1] - 1
+    size = 3 * n_targets * (degree + 1) + blocks.local_from_camera.shape[1]
+    normal, gradient = np.zeros((n_blocks, size, size)), np.zeros((n_blocks, size))
+    powers, place = _local_powers(n_targets, degree, at.placed)
+    cost = gain = 0.0
+    for low, high in _chunks(blocks):
+        part, J, r, H, E, h, own_cost = _weighted(frames, pose, loss, at, blocks, low, high)
+        solved = np.linalg.solve(H, np.concatenate([E, h[..., None]], axis=-1))
+        Jt = np.swapaxes(J, 1, 2)
+        M = Jt @ J - np.swapaxes(E, 1, 2) @ solved[..., :-1]
+        m = (Jt @ r[..., None])[..., 0] - (h[:, None] @ solved[..., :-1])[:, 0]
+        cost += own_cost
+        gain += 0.5 * float((h * solved[..., -1]).sum())
+        begin = blocks.begin[low:high] - blocks.begin[low]
+        u = blocks.u[part]
+        for k in range(max(2 * degree, degree + 1, 2) + 1):
+            moment = np.add.reduceat(M * (u**k)[:, None, None], begin, axis=0)
+            a, b = np.nonzero(powers[:, None] + powers[None, :] == k)
+            normal[low:high, a, b] = moment[:, place[a], place[b]]
+            if k <= max(degree, 1):
+                own = np.flatnonzero(powers == k)
+                gradient[low:high, own] = np.add.reduceat(m * (u**k)[:, None], begin, axis=0)[:, place[own]]
+    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain)
+
+
+def _local_powers(n_targets: int, degree: int, placed: bool = False) -> tuple[Ints, Ints]:
+    """Of every local unknown: its power of u, and its place in z."""
+    columns = 3 * n_targets
+    powers = np.concatenate([np.tile(np.arange(degree + 1), columns), [0] * 7, [0, 1, 0, 1]])
+    place = np.concatenate([np.repeat(np.arange(columns), degree + 1), columns + np.array([*range(7), 7, 7, 8, 8])])
+    if placed:
+        powers = np.concatenate([powers, np.tile([0, 1], 2 * n_targets)])
+        place = np.concatenate([place, columns + 9 + np.repeat(np.arange(2 * n_targets), 2)])
+    return powers, place
+
+
+def _chunks(blocks: Blocks) -> list[tuple[int, int]]:
+    """Block ranges of about CHUNK_FRAMES frames, which bounds the memory."""
+    out, low = [], 0
+    while low < len(blocks.camera):
+        high = int(np.searchsorted(blocks.begin, blocks.begin[low] + CHUNK_FRAMES, side="right")) - 1
+        high = max(high, low + 1)
+        out.append((low, high))
+        low = high
+    return out
+
+
+def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
+    """du (F, 6) that belongs to the local step (B, L); numpy only."""
+    out = np.zeros((frames.count, 6))
+    n_targets, degree = len(frames.targets), at.series.shape[-1] - 1
+    powers, place = _local_powers(n_targets, degree, at.placed)
+    for low, high in _chunks(blocks):
+        part, _, _, H, E, h, _ = _weighted(frames, pose, loss, at, blocks, low, high)
+        scaled = step[_frame_index(blocks, low, high)] * blocks.u[part][:, None] ** powers
+        dz = np.zeros((len(scaled), int(place.max()) + 1))
+        for i, z in enumerate(place):
+            dz[:, z] += scaled[:, i]
+        right = h + (E @ dz[..., None])[..., 0]
+        out[part] = -np.linalg.solve(H, right[..., None])[..., 0]
+    return out
+
+
+def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
+    """See the head of this file; compiled where numba is installed."""
+    if not _kernels.AVAILABLE:
+        return block_normals_plain(frames, pose, loss, at, blocks)
+    compiled: Callable[..., Any] = _kernels.block_normals
+    kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free else 0)
+    keep = len(kept) > 0
+    given, where = _kernel_arguments(frames, pose, loss, at, blocks)
+    normal, gradient, cost, gain = compiled(*given, *_place_arguments(frames, at), *where, keep, kept)
+    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
+
+
+def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
+    """Room for what the compiled elimination keeps of every frame; none where it takes more than `most` numbers.
+
+    NumPy asks for large pages, which are quick to touch unless a virtual machine has to fetch each from outside.
+    """
+    of: Callable[..., tuple[int, int, int]] = _kernels.kept_shape
+    chunks, rows, lanes = of(begin, len(frames.targets), frames.pose_rate is not None, placed)
+    if chunks * rows * lanes > most:
+        chunks = 0
+    shape = (chunks, rows, lanes)
+    return np.empty(shape) if chunks * rows * lanes <= LARGE_PAGES else _in_small_pages(shape)
+
+
+def _in_small_pages(shape: tuple[int, int, int]) -> Floats:
+    """Uninitialised memory in small pages, fetched all at once where the system can (Linux 5.14)."""
+    try:
+        memory = mmap.mmap(-1, 8 * shape[0] * shape[1] * shape[2], flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        memory.madvise(mmap.MADV_NOHUGEPAGE)
+        memory.madvise(POPULATE_WRITE)
+    except (AttributeError, OSError):
+        plain: Callable[..., Floats] = _kernels.room
+        return plain(*shape)
+    return np.frombuffer(memory).reshape(shape)
+
+
+def frame_steps(
+    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats, kept: Floats | None = None
+) -> Floats:
+    """du (F, 6) that belongs to the local step (B, L); quicker from what `block_normals` `kept` at the same point."""
+    if not pose.free:
+        return np.zeros((frames.count, 6))
+    placed = at.placed
+    if not _kernels.AVAILABLE or (placed and kept is None):
+        return frame_steps_plain(frames, pose, loss, at, blocks, step)
+    if kept is not None:
+        quick: Callable[..., None] = _kernels.kept_steps
+        rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
+        _, where = _kernel_arguments(frames, pose, loss, at, blocks)
+        quick(kept, rated, placed, pose.spread, *where, at.series, step, out, out)
+        return out
+    compiled: Callable[..., Floats] = _kernels.frame_steps
+    given, where = _kernel_arguments(frames, pose, loss, at, blocks)
+    return compiled(*given, *where, step)
+
+
+def _kernel_arguments(
+    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks
+) -> tuple[tuple[object, ...], tuple[object, ...]]:
+    """What is seen and the point; where the blocks are."""
+    rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
+    given = (
+        frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None,
+        frames.ray, frames.gain, frames.focal_effect, frames.seen, frames.angular,
+        pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
+        at.series, at.bias, at.focal, at.own,
+    )  # fmt: skip
+    return given, (blocks.begin, blocks.camera, blocks.u, blocks.half_s)
+
+
+def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:
+    """Shifts of the residuals (F, N, 2) and the worth of a pixel of place error (F, N); no frames where there are none.
+
+    Metric residuals are not shifted.
+    """
+    n = len(frames.targets)
+    if not at.placed:
+        return np.zeros((0, n, 2)), np.zeros((0, n))
+    if not frames.angular:
+        return np.zeros((frames.count, n, 2)), frames.place_gain
+    return place_shift(frames, slice(None), at.camera), frames.place_gain

@@ -1,0 +1,131 @@
+"""`map`: the adjustment in its statistical form, from the candidates for the offsets to the covariance.
+
+start       a short adjustment from each of the best candidates
+orders      of polynomials that the data shall choose
+strengths   of the priors of splines
+clocks      that drift, by order or because the data say so
+covariance  plain and cluster-robust
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
+from pipeline.solver.adjustment.banded_system import factorise
+from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.adjustment.log_poses import renewing
+from pipeline.solver.methods.clock_drift import drifting, with_drift
+from pipeline.solver.methods.initialisation import best_start, cleared, left_out, residuals, statistical_start
+from pipeline.solver.methods.model_selection import choose_motions
+from pipeline.solver.methods.parameters import first_choice
+from pipeline.solver.methods.results import Outcome
+from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
+from pipeline.solver.observation.observations import Frames
+from pipeline.solver.uncertainty.clusters import clusters
+from pipeline.solver.uncertainty.covariance import Inverse, sandwich
+
+ROUNDS, SETTLED = 4, 0.05
+"""Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
+WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
+"""Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
+still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Adjusted:
+    """The optimum, before its uncertainty is worked out."""
+
+    fit: Fit
+    findings: tuple[Finding, ...] = ()
+    candidates: tuple[OffsetCandidate, ...] = ()
+
+
+def adjust(
+    problem: Problem, settings: SolverSettings, frames: Frames, found: tuple[OffsetCandidate, ...],
+    progress: Progress | None = None,
+) -> Adjusted:  # fmt: skip
+    """The whole of `map` up to the optimum, from the offsets `found`."""
+    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renewing(problem))
+    choice = first_choice(problem, settings.method)
+    small = ROUGHLY if "spline" in choice.kinds else SMALL
+
+    def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
+        model, state = statistical_start(problem, settings, frames, choice, candidate)
+        return cleared(model, state, replace(descent, max_iterations=iterations), small)
+
+    fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
+    if fit.status == "iteration-limit" and len(found) > 1:
+        fit = continued(fit, descent)
+    if any(t.is_asked for t in problem.targets):
+        fit = with_estimated_priors(fit, descent)
+    chosen = choose_motions(
+        problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, replace(descent, damping=WARM))
+    )
+    fit, reasons = chosen.fit, chosen.findings
+    fit = with_estimated_priors(fit, descent, rounds=1)
+    fit, clocks = with_drifting_clocks(problem, fit, descent)
+    fit = with_estimated_priors(fit, descent)
+    if has_estimated_priors(fit):
+        fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
+    return Adjusted(
+        fit=fit, findings=(*ambiguous, *reasons, *clocks, *left_out(frames, fit.model.frames)), candidates=ranked
+    )
+
+
+def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
+    """More iterations from where a fit ended."""
+    again = levenberg_marquardt(fit.model, fit.state, descent, small=small)
+    return replace(again, iterations=fit.iterations + again.iterations)
+
+
+def has_estimated_priors(fit: Fit) -> bool:
+    """Whether there are splines or drifting clocks, whose priors' strengths the data say."""
+    return fit.model.drift.count > 0 or any(t.kind != "polynomial" for t in fit.model.basis.targets)
+
+
+def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> Fit:
+    """Rounds of estimating how strong the priors of splines and drifting clocks are, and of roughly adjusting."""
+    if not has_estimated_priors(fit):
+        return fit
+    for _ in range(rounds):
+        factor = factorise(fit.linear.system)
+        if factor is None:
+            return fit
+        covariance = Inverse(factor=factor)
+        jerk = renewed_jerk(fit.model, fit.state, covariance)
+        walk = renewed_walk(fit.model, fit.state, covariance)
+        before = np.concatenate([fit.model.priors.jerk.ravel(), fit.model.priors.drift_rate])
+        stronger = replace(fit, model=with_strengths(fit.model, jerk, walk))
+        fit = continued(stronger, replace(descent, damping=WARM), small=ROUGHLY)
+        change = np.abs(np.concatenate([jerk.ravel(), walk]) - before) / np.maximum(before, 1e-12)
+        if np.median(change) < SETTLED:
+            break
+    return fit
+
+
+def with_drifting_clocks(problem: Problem, fit: Fit, descent: Descent) -> tuple[Fit, tuple[Finding, ...]]:
+    """The adjustment again, with deviations of the clocks that drift; and why each clock is taken as it is."""
+    cameras, reasons = drifting(problem, fit.model, fit.state)
+    if not cameras:
+        return fit, reasons
+    model, state = with_drift(fit.model, fit.state, cameras)
+    roughly = levenberg_marquardt(model, state, replace(descent, damping=WARM), small=ROUGHLY)
+    return replace(roughly, iterations=fit.iterations + roughly.iterations), reasons
+
+
+def outcome(found: Adjusted) -> Outcome:
+    """The adjustment with its uncertainty, plain and cluster-robust."""
+    fit = found.fit
+    factor, plain, robust = factorise(fit.linear.system), None, None
+    if factor is not None:
+        plain = Inverse(factor=factor)
+        robust = sandwich(fit.model, fit.state, plain, clusters(fit.model, fit.state, residuals(fit.model, fit.state)))
+    return Outcome(
+        model=fit.model, observed=fit.model.frames, state=fit.state, status=fit.status,
+        iterations=fit.iterations, cost=fit.cost,
+        plain=plain, robust=robust,
+        findings=found.findings, candidates=found.candidates,
+    )  # fmt: skip

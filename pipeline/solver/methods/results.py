@@ -1,0 +1,230 @@
+"""From a finished adjustment to the record that leaves the solver."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.geometry import rotation
+from pipeline.records import (
+    Bias,
+    Clock,
+    Finding,
+    Motion,
+    OffsetCandidate,
+    PoseTrack,
+    Problem,
+    Redundancy,
+    Sightings,
+    Solution,
+    SolverSettings,
+    SolveStatus,
+)
+from pipeline.solver.adjustment.model import Model, State, residuals_of
+from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
+from pipeline.solver.observation.motion_basis import motion_of
+from pipeline.solver.observation.observations import Frames
+from pipeline.solver.uncertainty.covariance import Covariance, motion_band
+from pipeline.solver.uncertainty.redundancy import redundancies
+
+NAMES = (
+    "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
+    "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s",
+)  # fmt: skip
+
+PLACE_NAMES = ("place_x_px", "place_x_drift_px", "place_y_px", "place_y_drift_px")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What a method found.
+
+    observed  the frames with the reprojection error as residual, whatever the method minimised
+    plain, robust  covariances; None: not determined
+    """
+
+    model: Model
+    observed: Frames
+    state: State
+    status: SolveStatus
+    iterations: int
+    cost: float
+    plain: Covariance | None
+    robust: Covariance | None = None
+    findings: tuple[Finding, ...] = ()
+    candidates: tuple[OffsetCandidate, ...] = ()
+
+
+MESSAGES: dict[SolveStatus, str] = {
+    "converged": "the cost no longer falls",
+    "iteration-limit": "the iteration limit came before the cost stopped falling; allow more iterations",
+    "stalled": "no step lowers the cost any more although its gradient is not zero; look at the findings",
+}
+
+
+def solution_of(problem: Problem, settings: SolverSettings, found: Outcome, seconds: float) -> Solution:
+    """The record."""
+    model, state = found.model, found.state
+    time = common_time_s(model.frames, model.drift, state.camera, state.deviation)
+    sightings, squares, observations = _sightings(found, time)
+    square = float(squares.sum())
+    names, shared = _shared(problem, model, state, found.plain)
+    _, shared_robust = _shared(problem, model, state, found.robust)
+    return Solution(
+        method=settings.method,
+        status=found.status,
+        message=MESSAGES[found.status],
+        iterations=found.iterations,
+        cost=found.cost,
+        chi_square=square + _prior_square(model, state),
+        degrees_of_freedom=_degrees_of_freedom(model, observations),
+        clocks=tuple(_clock(problem, model, state, found.plain, c) for c in range(len(problem.cameras))),
+        poses=tuple(_poses(problem, model, state, c) for c in range(len(problem.cameras))),
+        motions=_motions(model, state, found.plain, time),
+        sightings=sightings,
+        biases=tuple(_bias(problem, model, state, found.plain, c) for c in range(len(problem.cameras))),
+        findings=found.findings,
+        offset_candidates=found.candidates,
+        shared_names=names,
+        shared_covariance=shared,
+        shared_covariance_robust=shared_robust,
+        redundancies=_redundancies(settings, found, squares),
+        motions_robust=() if found.robust is None else _motions(model, state, found.robust, time),
+        seconds=seconds,
+        settings=asdict(settings),
+    )
+
+
+def _redundancies(settings: SolverSettings, found: Outcome, square: Floats) -> tuple[Redundancy, ...]:
+    """Only `map` weighs sightings and priors by their sigmas."""
+    if found.plain is None or settings.method != "map":
+        return ()
+    return redundancies(found.model, found.state, found.plain, square)
+
+
+def _sigma(covariance: Covariance | None, place: Ints) -> Floats:
+    """Root of the variances; NaN where not determined, zero where held."""
+    if covariance is None:
+        return np.where(place >= 0, np.nan, 0.0)
+    out = np.zeros(place.shape)
+    free = place[place >= 0]
+    out[place >= 0] = np.sqrt(np.maximum(covariance.pairs(free, free), 0))
+    return out
+
+
+def _motions(model: Model, state: State, covariance: Covariance | None, time: Floats) -> tuple[Motion, ...]:
+    out = []
+    for n, t in enumerate(model.basis.targets):
+        own = time[model.frames.seen[:, n]]
+        band = None if covariance is None else motion_band(covariance, model, n)
+        coefficients = state.coefficients[t.first : t.first + t.count]
+        out.append(motion_of(t, coefficients, band, float(own.min()), float(own.max())))
+    return tuple(out)
+
+
+def _clock(problem: Problem, model: Model, state: State, covariance: Covariance | None, c: int) -> Clock:
+    nominal = problem.cameras[c].frame_rate
+    stretch = 1 + state.camera[c, SCALE]
+    offset_sigma, stretch_sigma = _sigma(covariance, model.order.camera[c, [OFFSET, SCALE]])
+    own = model.drift.of(c)
+    drifts = own.stop > own.start
+    return Clock(
+        camera=problem.cameras[c].camera,
+        offset_s=float(state.camera[c, OFFSET]),
+        frame_rate=float(nominal / stretch),
+        nominal_rate=nominal,
+        offset_sigma_s=float(offset_sigma),
+        frame_rate_sigma=float(nominal / stretch**2 * stretch_sigma),
+        deviation_frame=model.drift.knot_s[own] * nominal if drifts else None,
+        deviation_s=state.deviation[own] if drifts else None,
+        deviation_sigma_s=_sigma(covariance, model.order.drift[own]) if drifts else None,
+    )
+
+
+def _poses(problem: Problem, model: Model, state: State, c: int) -> PoseTrack:
+    given, part = problem.cameras[c].poses, model.frames.of(c)
+    error = state.camera[c, :6] + model.pose.spread[c] * state.own[part]
+    cam_from_enu = rotation.matrix(rotation.exp(error[:, :3])) @ model.frames.cam_from_enu[part]
+    return PoseTrack(
+        camera=given.camera,
+        frame=given.frame,
+        time_s=given.time_s,
+        position_enu_m=model.frames.position_m[part] + error[:, 3:],
+        enu_from_cam=rotation.conjugate(rotation.from_matrix(cam_from_enu)),
+    )
+
+
+def _bias(problem: Problem, model: Model, state: State, covariance: Covariance | None, c: int) -> Bias:
+    sigma = _sigma(covariance, model.order.camera[c])
+    scale = float(np.exp(state.camera[c, FOCAL]))
+    return Bias(
+        camera=problem.cameras[c].camera,
+        rotation_rad=state.camera[c, ROT],
+        rotation_sigma_rad=sigma[ROT],
+        position_m=state.camera[c, POS],
+        position_sigma_m=sigma[POS],
+        focal_scale=scale,
+        focal_scale_sigma=scale * float(sigma[FOCAL]),
+        start_s=float(state.camera[c, START]),
+        start_sigma_s=float(sigma[START]),
+    )
+
+
+def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, Floats, int]:
+    """The table of sightings, squared residuals (F, N) in sigmas, and how many sightings there are."""
+    model, state, frames = found.model, found.state, found.observed
+    position = model.basis.position(time, state.coefficients)
+    residual = residuals_of(frames, slice(None), model, state)
+    f, n = np.nonzero(frames.seen)
+    sigmas = np.linalg.norm(residual[f, n], axis=-1)
+    pixel = frames.sigma_px
+    camera = frames.camera[f]
+    table = Sightings(
+        camera=tuple(np.array(frames.cameras, dtype=object)[camera]),
+        target=tuple(np.array(frames.targets, dtype=object)[n]),
+        frame=frames.frame[f],
+        time_s=time[f],
+        residual_px=-residual[f, n] * pixel[f, n][:, None],
+        residual_sigma=sigmas,
+        weight=model.loss.weight(sigmas**2),
+        position_enu_m=position[f, n],
+    )
+    square = np.zeros(frames.seen.shape)
+    square[f, n] = sigmas**2
+    return table, square, len(f)
+
+
+def _prior_square(model: Model, state: State) -> float:
+    """Squared prior residuals of cameras, frames and splines; `map` only has them."""
+    off = (state.camera - model.priors.camera_mean) ** 2 * model.priors.camera_precision
+    own = model.pose.prior[model.frames.camera] * state.own**2
+    return float(off.sum() + own.sum())
+
+
+def _degrees_of_freedom(model: Model, observations: int) -> int:
+    """Observations and priors less unknowns; a frame's own error with a prior adds one of each."""
+    own = model.pose.spread[model.frames.camera] * (1 - model.pose.prior[model.frames.camera])
+    priors = int(((model.priors.camera_precision > 0) & model.priors.camera_free).sum())
+    return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
+
+
+def _shared(
+    problem: Problem, model: Model, state: State, covariance: Covariance | None
+) -> tuple[tuple[str, ...], Floats | None]:
+    """Names of the cameras' free parameters and their covariance, frame rates in Hz and focal lengths as scales."""
+    names, places, unit = [], [], []
+    order_names = (*NAMES, *(f"{t}.{word}" for t in model.frames.targets for word in PLACE_NAMES))
+    for c, camera in enumerate(problem.cameras):
+        units = np.ones(len(order_names))
+        units[SCALE] = -camera.frame_rate / (1 + state.camera[c, SCALE]) ** 2
+        units[FOCAL] = np.exp(state.camera[c, FOCAL])
+        for k in np.flatnonzero(model.order.camera[c] >= 0):
+            names.append(f"{camera.camera}.{order_names[k]}")
+            places.append(model.order.camera[c, k])
+            unit.append(units[k])
+    if covariance is None or not places:
+        return tuple(names), None
+    place, scale = np.array(places), np.array(unit)
+    return tuple(names), covariance.pairs(place[:, None], place[None, :]) * scale[:, None] * scale

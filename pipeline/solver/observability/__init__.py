@@ -1,0 +1,1 @@
+"""What the sightings cannot determine, found numerically and said in words."""

@@ -1,0 +1,124 @@
+"""Runs of frames of one camera inside one span of the motion and one segment of its clock.
+
+Inside a block everything global acts through few local unknowns: the power series of the targets, and eleven columns
+of the camera, [rotation bias 3, position bias 3, focal, time at u = 0, time per u, pose time at u = 0, per u]. Time
+moves the targets; pose time moves the camera along its log. `local_from_camera` maps the camera's parameters
+[rotation 3, position 3, focal, offset, scale, start, place errors, left and right deviation knot] to these columns.
+Place errors (constant and drifting) have a pair of columns each for every target and axis, at u = 0 and per u.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, SCALE, START, Drift
+from pipeline.solver.observation.motion_basis import MotionBasis
+from pipeline.solver.observation.observations import Frames
+
+LONGEST = 2048
+"""Frames: what a block may hold at most, so that the memory of a pass is bounded."""
+LOCAL_COLUMNS = 11
+BLOCK_PARAMETERS = 12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Blocks:
+    """B blocks.
+
+    begin    (B + 1,) first frame of each; camera, span, segment, cluster (B,)
+    u        (F,) time of each frame inside its span, -1 to 1
+    half_s   (B,) half the span's length
+    local_from_camera  (B, 11 + P, 12 + P), P place parameters
+    """
+
+    begin: Ints
+    camera: Ints
+    span: Ints
+    segment: Ints
+    cluster: Ints
+    u: Floats
+    half_s: Floats
+    local_from_camera: Floats
+
+
+def partition(
+    frames: Frames, basis: MotionBasis, drift: Drift, time_s: Floats, camera: Floats, deviation: Floats,
+    cluster: Ints | None = None,
+) -> Blocks:  # fmt: skip
+    """Cut the frames into blocks at common times `time_s` (F,); `cluster` (F,) cuts further."""
+    span = basis.span(time_s)
+    u = (time_s - basis.mid_s[span]) / basis.half_s[span]
+    begin = frames.first
+    if len(basis.grid_s) > 2 or drift.count or cluster is not None:
+        keys = [frames.camera, span, drift.segment] + ([] if cluster is None else [cluster])
+        change = np.zeros(frames.count, dtype=bool)
+        for key in keys:
+            change[1:] |= key[1:] != key[:-1]
+        begin = np.concatenate([[0], np.flatnonzero(change), [frames.count]])
+    begin = shortened(begin)
+    at = begin[:-1]
+    half = basis.half_s[span[at]]
+    return Blocks(
+        begin=begin,
+        camera=frames.camera[at],
+        span=span[at],
+        segment=drift.segment[at],
+        cluster=np.zeros(len(at), dtype=np.int64) if cluster is None else cluster[at],
+        u=u,
+        half_s=half,
+        local_from_camera=_local_from_camera(frames, drift, at, u, half, camera, deviation),
+    )
+
+
+def shortened(begin: Ints) -> Ints:
+    """The same cuts and further ones, so that no block is longer than LONGEST."""
+    if begin[-1] - begin[0] <= LONGEST or np.diff(begin).max() <= LONGEST:
+        return begin
+    cuts = [np.arange(low, high, LONGEST) for low, high in pairwise(begin)]
+    return np.concatenate([*cuts, begin[-1:]])
+
+
+def _local_from_camera(
+    frames: Frames, drift: Drift, at: Ints, u: Floats, half_s: Floats, camera: Floats, deviation: Floats
+) -> Floats:
+    """(B, 11, 12): the chain rule dt = d beta + tau ds + sum of hat_j d deviation_j, with tau linear in u."""
+    rate = 1 + camera[frames.camera[at], SCALE]
+    left = drift.segment[at]
+    drifting = left >= 0
+    width = np.ones(len(at))
+    if drifting.any():
+        width[drifting] = drift.knot_s[left[drifting] + 1] - drift.knot_s[left[drifting]]
+        rate[drifting] += (deviation[left[drifting] + 1] - deviation[left[drifting]]) / width[drifting]
+    slope = half_s / rate
+    middle = frames.video_s[at] - u[at] * slope
+    places = camera.shape[1] - CAMERA_PARAMETERS
+    out = np.zeros((len(at), LOCAL_COLUMNS + places, BLOCK_PARAMETERS + places))
+    out[:, range(FOCAL + 1), range(FOCAL + 1)] = 1.0
+    out[:, 7, OFFSET] = 1.0
+    out[:, 9, START] = 1.0
+    for zero, linear in ((7, 8), (9, 10)):
+        out[:, zero, SCALE], out[:, linear, SCALE] = middle, slope
+        if drifting.any():
+            share = (middle[drifting] - drift.knot_s[left[drifting]]) / width[drifting]
+            out[drifting, zero, -2], out[drifting, zero, -1] = 1 - share, share
+            per_u = slope[drifting] / width[drifting]
+            out[drifting, linear, -2], out[drifting, linear, -1] = -per_u, per_u
+    if places:
+        share_slope = slope * share_per_second(frames)[frames.camera[at]]
+        share_middle = frames.place_share[at] - u[at] * share_slope
+        for i in range(0, places, 2):
+            row, column = LOCAL_COLUMNS + i, CAMERA_PARAMETERS + i
+            out[:, row, column], out[:, row, column + 1], out[:, row + 1, column + 1] = 1.0, share_middle, share_slope
+    return out
+
+
+def share_per_second(frames: Frames) -> Floats:
+    """(C,) by how much a camera's `place_share` grows per second of video time."""
+    ends = [
+        (frames.video_s[frames.of(c)].min(), frames.video_s[frames.of(c)].max()) for c in range(len(frames.cameras))
+    ]
+    return np.array([2 / max(high - low, 1e-9) for low, high in ends])

@@ -1,0 +1,1 @@
+"""What the solved unknowns are worth: covariances, clusters of dependent sightings, jackknife, redundancy."""

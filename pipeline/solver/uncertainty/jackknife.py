@@ -1,0 +1,58 @@
+"""What a cluster of sightings would say of itself, had it not taken part: its gradient, freed of its own leverage.
+
+Residuals are smaller than the errors they come from, because the adjustment follows them; most where a cluster alone
+says something. With N the normal matrix, N_c a cluster's share of it and g its gradient at the optimum, the optimum
+without it lies (N - N_c)^-1 g away, which is N^-1 (I - N_c N^-1)^-1 g: the jackknife, or CR3 of cluster-robust
+covariances (Bell and McCaffrey, Survey Methodology 28, 2002).
+
+N_c touches only what acts while the cluster lasts, so that block of N^-1 is all that is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global
+from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.model import Model, State
+
+MOST_LEVERAGE = 0.95
+"""Where a cluster alone decides, its residuals say nothing of its errors; no gradient grows by more than 20."""
+
+
+def freed_gradients(model: Model, state: State, block: Callable[[int, int, Ints], Floats], cluster: Ints) -> Floats:
+    """(n + q, M) the gradient of every cluster's frames freed of its leverage; `cluster` (F,) counts from 0.
+
+    `block` gives blocks of the inverse of the normal matrix, priors and all: `Inverse.block`.
+    """
+    blocks, at = blocks_at(model, state, cluster)
+    normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
+    places = global_places(model, blocks)
+    n, count = model.order.n_band, int(cluster.max()) + 1
+    out = np.zeros((n + model.order.n_border, count))
+    begin = np.searchsorted(blocks.cluster, np.arange(count + 1))
+    for c in range(count):
+        low, high = int(begin[c]), int(begin[c + 1])
+        if low == high:
+            continue
+        chain = local_from_global(model, blocks, low, high)
+        turned = np.swapaxes(chain, 1, 2)
+        share, vector = turned @ normals.normal[low:high] @ chain, turned @ normals.gradient[low:high, :, None]
+        place = places[low:high]
+        acting = np.unique(place[place >= 0])
+        if not len(acting):
+            continue
+        a, b = (int(acting[0]), int(acting[acting < n].max(initial=-1)) + 1) if acting[0] < n else (n, n)
+        rows = np.concatenate([np.arange(a, b), acting[acting >= n]])
+        size = len(rows)
+        own = np.where(place >= 0, np.searchsorted(rows, place), size)
+        information, gradient = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
+        for k in range(high - low):
+            information[own[k][:, None], own[k]] += share[k]
+            gradient[own[k]] += vector[k, :, 0]
+        left = np.eye(size) - MOST_LEVERAGE * information[:size, :size] @ block(a, b, rows[b - a :] - n)
+        out[rows, c] = np.linalg.solve(left, gradient[:size])
+    return out

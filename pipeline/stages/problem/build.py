@@ -1,0 +1,144 @@
+"""Tracks, poses and camera models become the `Problem` that the solver is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.camera import CameraModel, focal_effect
+from calibration.foundation.arrays import Ints
+from calibration.foundation.errors import GeometryError, InputFileError, UsageError
+from pipeline.flight import Flight
+from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
+from pipeline.stages.problem.rays import check_inside, sight_rays
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BuiltProblem:
+    """The problem, and what was left out on the way: one sentence each."""
+
+    problem: Problem
+    models: Mapping[str, CameraModel]
+    notes: tuple[str, ...]
+
+
+def build_problem(
+    flight: Flight, tracks: Sequence[ImageTrack], measured: Sequence[MeasuredPoses], models: Mapping[str, CameraModel]
+) -> BuiltProblem:
+    """The problem of a flight.
+
+    Raises InputFileError where a fix lies outside of its image, GeometryError where no target is left.
+    """
+    targets = _targets(flight, tracks)
+    names = tuple(t.target for t in targets)
+    inputs, notes = [], []
+    for pose in measured:
+        own = [t for t in tracks if t.camera == pose.camera and t.target in names and t.seen.any()]
+        if not own:
+            notes.append(f"camera {pose.camera} sees no target and takes no part")
+            continue
+        check_inside(flight, models[pose.camera], own)
+        rays, lost = sight_rays(models[pose.camera], pose.camera, own, names)
+        rays = replace(rays, place_sigma_px=place_sigma_px(flight, flight.camera(pose.camera)))
+        if lost:
+            notes.append(f"{pose.camera}: {lost} fixes left out, the lens model maps no direction to them")
+        own_sigma = with_focal(pose.sigma, flight.camera(pose.camera).sigma, models[pose.camera], rays)
+        if own_sigma.focal > 0:
+            rays = replace(rays, focal_effect=focal_effect(models[pose.camera], rays.direction_cam))
+        inputs.append(_camera(flight, replace(pose, sigma=own_sigma), rays, measured))
+    _check_common(flight, inputs)
+    problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)
+    return BuiltProblem(problem=problem, models=models, notes=tuple(notes))
+
+
+def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput, ...]:
+    seen = dict.fromkeys(t.target for t in tracks if t.seen.any())
+    if flight.targets:
+        chosen = [t for t in flight.targets if t.name in seen]
+        if not chosen:
+            raise UsageError(
+                where=f"{flight.path}: targets",
+                seen=f"{', '.join(t.name for t in flight.targets)}, none of which any track holds",
+                expected=f"names of tracked targets ({', '.join(seen) or 'there are none'})",
+                advice="use the names of the target column, or leave [targets] out to take them all",
+            )
+        return tuple(TargetInput(target=t.name, motion=t.motion, order=t.order) for t in chosen)
+    if not seen:
+        raise GeometryError(
+            where=str(flight.path),
+            seen="no target was seen in any camera",
+            expected="at least one track with fixes",
+            advice="look at tracks.csv: were all targets lost?",
+        )
+    return tuple(TargetInput(target=name) for name in seen)
+
+
+def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]) -> CameraInput:
+    settings = flight.camera(pose.camera)
+    base = poses_of(flight, pose, np.unique(rays.frame))
+    offset, sigma = settings.offset_s, pose.sigma
+    reference = next(m for m in measured if m.camera == flight.reference_camera)
+    if offset is None and pose.utc_s is not None and reference.utc_s is not None:
+        offset = pose.utc_s - reference.utc_s
+        sigma = offset_sigma(settings, pose, reference)
+    return CameraInput(
+        camera=pose.camera,
+        rays=rays,
+        poses=base,
+        frame_rate=pose.frame_rate,
+        offset_s=0.0 if pose.camera == flight.reference_camera else offset,
+        sigma=sigma,
+        clock=settings.clock,
+        still=pose.still,
+        poses_at=None if pose.poses_at is None else pose.poses_at(base),
+    )
+
+
+def poses_of(flight: Flight, pose: MeasuredPoses, frame: Ints) -> PoseTrack:
+    """A camera's measured poses at some of its frames. Raises InputFileError where one is missing."""
+    have = pose.poses
+    row = np.clip(np.searchsorted(have.frame, frame), 0, len(have.frame) - 1)
+    missing = have.frame[row] != frame
+    if missing.any():
+        raise InputFileError(
+            where=flight.key(pose.camera, "telemetry"),
+            seen=f"no pose for frame {frame[missing][0]} ({int(missing.sum())} of {len(frame)} frames in all)",
+            expected="a pose for every frame in which a target was seen",
+            advice="check that tracks, video and poses belong to the same flight",
+        )
+    return PoseTrack(
+        camera=have.camera,
+        frame=frame,
+        time_s=have.time_s[row],
+        position_enu_m=have.position_enu_m[row],
+        enu_from_cam=have.enu_from_cam[row],
+    )
+
+
+def _check_common(flight: Flight, inputs: Sequence[CameraInput]) -> None:
+    """Refuses cameras that nothing ties together: zero targets in common."""
+    if not any(c.camera == flight.reference_camera for c in inputs):
+        raise GeometryError(
+            where=f"{flight.path}: flight.reference_camera",
+            seen=f"camera {flight.reference_camera} sees no target",
+            expected="a reference camera with fixes, since its clock is common time",
+            advice="choose another reference_camera",
+        )
+    seen = {c.camera: {c.rays.targets[i] for i in np.unique(c.rays.target)} for c in inputs}
+    tied, grown = {flight.reference_camera}, True
+    while grown:
+        known = set().union(*(seen[c] for c in tied))
+        more = {c for c in seen if seen[c] & known} - tied
+        tied, grown = tied | more, bool(more)
+    for camera, own in seen.items():
+        if camera not in tied:
+            raise GeometryError(
+                where=f"{flight.path}: cameras.{camera}",
+                seen=f"it sees {', '.join(sorted(own))}, which no camera tied to {flight.reference_camera} sees",
+                expected="at least one target in common",
+                advice="name the same vehicle alike in both cameras' boxes or tracks",
+            )

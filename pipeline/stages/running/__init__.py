@@ -1,0 +1,1 @@
+"""The stages as commands run them: what is finished, what is written, workers, results."""

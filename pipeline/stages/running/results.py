@@ -1,0 +1,118 @@
+"""A solution with all that belongs to it, ready for exports and report."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.flight import Flight
+from pipeline.geometry import rotation
+from pipeline.geometry.geodesy import Geodetic
+from pipeline.records import Bias, ImageTrack, Motion, PoseTrack, Results, Solution, Trajectory
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.build import BuiltProblem
+
+NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
+
+
+def sample(motion: Motion, rate_hz: float, robust: Motion | None = None) -> Trajectory:
+    """A motion at even steps over the time in which its target was seen."""
+    count = int(np.floor((motion.end_s - motion.start_s) * rate_hz * (1 + 1e-12))) + 1
+    time = motion.start_s + np.arange(count) / rate_hz
+    velocity = motion.position_enu_m(time, 1) if motion.degree > 0 else np.zeros((count, 3))
+    return Trajectory(
+        target=motion.target,
+        time_s=time,
+        position_enu_m=motion.position_enu_m(time),
+        velocity_mps=velocity,
+        covariance=(robust or motion).position_covariance(time),
+    )
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def input_files(flight: Flight) -> dict[str, Path]:
+    """Every file that a flight names, by the name it goes under in `solution.json`."""
+    files = {flight.path.name: flight.path}
+    for camera in flight.cameras:
+        for key in ("calibration", "video", "tracks", "telemetry"):
+            path = getattr(camera, key)
+            if path is not None and path.exists():
+                files[f"cameras.{camera.name}.{key}"] = path
+    return files
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that shape a result."""
+    found = {}
+    for name in NAMED_PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def refined_poses(measured: PoseTrack, refined: PoseTrack, bias: Bias | None) -> PoseTrack:
+    """The adjusted pose of every measured frame: where nothing was seen, the camera's constant correction alone."""
+    position, attitude = measured.position_enu_m.copy(), measured.enu_from_cam.copy()
+    if bias is not None:
+        position += bias.position_m
+        attitude = rotation.multiply(attitude, rotation.conjugate(rotation.exp(bias.rotation_rad)))
+    row = np.searchsorted(measured.frame, refined.frame)
+    position[row], attitude[row] = refined.position_enu_m, refined.enu_from_cam
+    return PoseTrack(
+        camera=measured.camera,
+        frame=measured.frame,
+        time_s=measured.time_s,
+        position_enu_m=position,
+        enu_from_cam=rotation.normalised(attitude),
+    )
+
+
+def all_refined(measured: Sequence[MeasuredPoses], solution: Solution) -> tuple[PoseTrack, ...]:
+    """`refined_poses` of every camera that took part."""
+    adjusted = {p.camera: p for p in solution.poses}
+    biases = {b.camera: b for b in solution.biases}
+    return tuple(
+        refined_poses(m.poses, adjusted[m.camera], biases.get(m.camera)) for m in measured if m.camera in adjusted
+    )
+
+
+def gather_results(
+    flight: Flight,
+    solution: Solution,
+    tracks: Sequence[ImageTrack],
+    measured: Sequence[MeasuredPoses],
+    built: BuiltProblem,
+    origin: Geodetic | None,
+    hashes: Mapping[str, str],
+    tracking_notes: Sequence[str] = (),
+) -> Results:
+    """Everything that exports and report draw from."""
+    robust = {m.target: m for m in solution.motions_robust}
+    reference = next(m for m in measured if m.camera == flight.reference_camera)
+    notes = tuple(f"{m.camera}: {note}" for m in measured for note in m.notes)
+    return Results(
+        title=flight.title,
+        solution=solution,
+        trajectories=tuple(sample(m, flight.solve.rate_hz, robust.get(m.target)) for m in solution.motions),
+        tracks=tuple(tracks),
+        measured_poses=tuple(m.poses for m in measured),
+        image_size={name: model.image_size for name, model in built.models.items()},
+        origin=origin,
+        utc_s=reference.utc_s,
+        inputs=hashes,
+        settings={**asdict(flight.solve), **solution.settings},
+        versions=versions(),
+        warnings=(*tracking_notes, *notes, *built.notes),
+    )

@@ -1,0 +1,322 @@
+"""Stage 2: a video and first boxes become an ImageTrack for each target."""
+
+from __future__ import annotations
+
+import os
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice, repeat
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import TrackingError, UsageError
+from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
+from pipeline.tracking.following.follow import begin, follow
+from pipeline.tracking.records import VideoTimes, VideoTracks
+from pipeline.tracking.scene.background import Scene, scenes
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.target.track_state import Fix, TrackState
+from pipeline.tracking.video.backwards import frames_back
+from pipeline.tracking.video.frames import Frame, VideoHead, frames_of, head_of, opened_to_the_end, video_times
+from pipeline.tracking.video.prefetch import prefetched
+
+LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
+PART_FRAMES = 4  # handed to the targets' threads at a time
+Counter = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
+
+
+def track_video(
+    path: Path,
+    *,
+    camera: str,
+    boxes: Mapping[str, Box],
+    settings: TrackingSettings | None = None,
+    progress: Progress | None = None,
+) -> VideoTracks:
+    """Follows every target of `boxes` through one video, from its box to the video's end and back to its beginning.
+
+    The video is decoded once, and once more up to the last of the boxes where one lies on a later frame than the first.
+
+    A fix is where the point of the target lies that was under the first box's centre, in image coordinates
+    (pixel (0, 0) is the centre of the top-left pixel), with its sigma per axis. The result depends on the arguments
+    alone, not on the machine's load.
+
+    camera    its name, for the tracks and for messages
+    progress  called with (frames done, frames the container claims)
+    Raises InputFileError (no video, nothing decodes), UsageError (a box that cannot be), TrackingError (a target with
+    practically no fix).
+    """
+    settings = settings or TrackingSettings()
+    capture = opened_to_the_end(path)
+    head = head_of(capture, path)
+    for name, box in boxes.items():
+        _check_box(box, f"targets.{name}.boxes.{camera}", head.image_size)
+    back = max((box.frame for box in boxes.values()), default=0)
+    tell = None if progress is None else _counted(progress, back)
+    with _one_thread(), ThreadPoolExecutor(max(1, min(len(boxes), os.cpu_count() or 1))) as pool:
+        follower = _Follower(boxes=boxes, settings=settings, pool=pool)
+        frames = frames_of(path, times := pool.submit(video_times, path, head), capture)
+        video = _forwards(frames, times, follower, tell, head)
+        for name, box in boxes.items():
+            _check_frame(box, f"targets.{name}.boxes.{camera}", len(video.time_s), path)
+        _backwards(path, follower, video, back, tell, head)
+    fixes = {name: follower.fixes(name) for name in boxes}
+    tracks = tuple(_track(camera, name, fixes[name], video.time_s) for name in boxes)
+    for track, box in zip(tracks, boxes.values(), strict=True):
+        _check_followed(track, box, path)
+    return VideoTracks(
+        tracks=tracks,
+        frame_time_s=video.time_s,
+        frame_rate=head.frame_rate,
+        image_size=video.size,
+        outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
+        predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
+        notes=(*video.notes, *_losses(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Video:
+    """What the whole video turned out to be."""
+
+    time_s: Floats
+    size: tuple[int, int]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fixes:
+    """Every fix of one target: frame (k,), xy_px (k, 2), sigma_px (k,), linear (k, 2, 2) as in `Fix`."""
+
+    frame: Ints
+    xy_px: Floats
+    sigma_px: Floats
+    linear: Floats
+
+
+class _Follower:
+    """Every target at its present frame, and its fixes so far; targets are followed side by side in threads."""
+
+    def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
+        self.boxes, self.settings, self.pool = boxes, settings, pool
+        self.targets: dict[str, TrackState] = {}
+        self.known: dict[str, TrackState] = {}  # every target as it was when it ceased to be new
+        self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
+        self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
+
+    def turn_round(self) -> None:
+        """From here on every target starts at its box again, with what is known of it by now."""
+        self.targets = {}
+
+    def go_on(self, part: Sequence[Scene]) -> None:
+        """Follows every target through consecutive scenes."""
+        side_by_side = self.pool.map if len(self.boxes) > 1 else map
+        for name, (target, new) in zip(self.boxes, side_by_side(self._through, self.boxes, repeat(part)), strict=True):
+            if target is not None:
+                self.targets[name] = target
+            for fix in new:
+                self._rows[name].extend((fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel()))
+
+    def fixes(self, name: str) -> Fixes:
+        """Of one target, in order of time."""
+        rows = np.frombuffer(self._rows[name], float).reshape(-1, 8)
+        frame, first = np.unique(rows[:, 0].astype(int), return_index=True)  # the box is met on both ways
+        rows = rows[first]
+        return Fixes(frame=frame, xy_px=rows[:, 1:3], sigma_px=rows[:, 3], linear=rows[:, 4:].reshape(-1, 2, 2))
+
+    def predicted(self, name: str, fixes: Fixes, frames: int) -> Floats:
+        """Where one target was looked for (n, 3), a row for each of its track's."""
+        first = int(fixes.frame[0])
+        looked = np.frombuffer(self._looked[name], float).reshape(-1, 4)
+        looked = looked[looked[:, 0] >= first]
+        places = np.full((frames - first, 3), np.nan)
+        places[looked[:, 0].astype(int) - first] = looked[:, 1:]
+        places[fixes.frame - first] = np.nan
+        return places
+
+    def _through(self, name: str, part: Sequence[Scene]) -> tuple[TrackState | None, list[Fix]]:
+        target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
+        for scene in part:
+            if scene.frame == box.frame:
+                target, first = begin(scene.pixels, box, self.settings, self.known.get(name))
+                fixes.append(first)
+            elif target is not None:
+                target, new = follow(target, scene, self.settings)
+                fixes += new
+                if not target.new and not target.hidden:
+                    self.known.setdefault(name, target)
+                if target.hidden and not target.gone:
+                    self._looked[name].extend((scene.frame, *target.course.position_px, target.course.sigma_px))
+        return target, fixes
+
+
+def _forwards(
+    frames: Iterator[Frame], known: Future[VideoTimes], follower: _Follower, tell: Counter | None, head: VideoHead
+) -> _Video:
+    """The whole video once, to its end or to where the frames change their size."""
+    times, missing, woven = array("d"), 0, False
+    notes: list[str] = []
+    size = (0, 0)
+    part: list[Scene] = []
+    found = prefetched(scenes(frames), PART_FRAMES)
+    for scene in found:
+        now = scene.pixels.shape[1], scene.pixels.shape[0]
+        size = size if times else now
+        if now != size:
+            notes.append(_size_note(scene.frame, now, size))
+            break
+        part.append(scene)
+        woven = scene.woven
+        missing += scene.frame - len(times)
+        times.extend(known.result().frame_time_s[len(times) : scene.frame])
+        times.append(scene.time_s)
+        if len(part) == PART_FRAMES:
+            follower.go_on(part)
+            part = []
+        if tell is not None:
+            tell(len(times), max(head.frames, len(times)))
+    found.close()
+    follower.go_on(part)
+    if missing:
+        notes.append(f"{missing} of {len(times)} frames could not be decoded; they are rows without a fix")
+    if tell is not None:
+        tell(len(times), len(times))
+    if woven:
+        notes.append(
+            "the video is interlaced: the upper field of each frame is used, the lines between are interpolated"
+        )
+    return _Video(time_s=np.array(times), size=size, notes=tuple(notes))
+
+
+def _backwards(
+    path: Path, follower: _Follower, video: _Video, back: int, tell: Counter | None, head: VideoHead
+) -> None:
+    """From the last of the boxes to the beginning of the video."""
+    if back == 0:
+        return
+    follower.turn_round()
+    found = prefetched(scenes(frames_back(path, back, video.time_s)), PART_FRAMES)
+    while part := list(islice(found, PART_FRAMES)):
+        follower.go_on(part)
+        if tell is not None:
+            tell(len(video.time_s) + back + 1 - part[-1].frame, len(video.time_s))
+
+
+def _counted(progress: Progress, back: int) -> Counter:
+    """Counts the frames of both ways together."""
+    more = back + 1 if back else 0
+    return lambda done, forward: progress(done, forward + more)
+
+
+def _track(camera: str, target: str, fixes: Fixes, times: Floats) -> ImageTrack:
+    """A row for each frame from the first fix on."""
+    first = int(fixes.frame[0])
+    n, rows = len(times) - first, fixes.frame - first
+    xy, sigma, state = np.full((n, 2), np.nan), np.full(n, np.nan), np.full(n, LOST)
+    xy[rows], sigma[rows] = fixes.xy_px, fixes.sigma_px
+    state[rows] = np.where(np.diff(rows, prepend=-1) > 1, REACQUIRED, TRACKED)
+    frame = np.arange(first, len(times))
+    return ImageTrack(
+        camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state
+    )
+
+
+def _outlines(box: Box, fixes: Fixes, frames: int) -> Floats:
+    """Corners (n, 4, 2) of the box as it was carried along."""
+    corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([box.width, box.height]) / 2
+    first = int(fixes.frame[0])
+    outlines = np.full((frames - first, 4, 2), np.nan)
+    outlines[fixes.frame - first] = corner @ fixes.linear.transpose(0, 2, 1) + fixes.xy_px[:, None]
+    return outlines
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """OpenCV on this thread only: the pieces here are too small to share, and cameras run side by side."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _check_box(box: Box, key: str, image_size: tuple[int, int]) -> None:
+    width, height = image_size
+    seen = f"box [{box.x:g}, {box.y:g}, {box.width:g}, {box.height:g}]"
+    if not min(box.width, box.height) >= LEAST_BOX_PX:
+        raise UsageError(
+            where=key,
+            seen=seen,
+            expected=f"a box of at least {LEAST_BOX_PX:g} x {LEAST_BOX_PX:g} pixels",
+            advice="draw it around the whole target: x, y of the top-left corner, then width, height",
+        )
+    if not (box.x >= 0 and box.y >= 0 and box.x + box.width <= width and box.y + box.height <= height):
+        raise UsageError(
+            where=key,
+            seen=seen,
+            expected=f"a box inside the image of {width} x {height} pixels",
+            advice="x, y of the top-left corner, then width, height; choose a frame in which all of the target is seen",
+        )
+    if box.frame < 0:
+        raise UsageError(
+            where=key, seen=f"frame {box.frame}", expected="0 or more", advice="frames count from 0, the first"
+        )
+
+
+def _check_frame(box: Box, key: str, frames: int, path: Path) -> None:
+    if box.frame >= frames:
+        raise UsageError(
+            where=key,
+            seen=f"frame {box.frame}",
+            expected=f"a frame of {path}, 0 to {frames - 1}",
+            advice="frames count from 0; draw the box on a frame that the video has",
+        )
+
+
+def _check_followed(track: ImageTrack, box: Box, path: Path) -> None:
+    fixes, frames = int(track.seen.sum()), len(track.frame)
+    if fixes < min(LEAST_FIXES, frames):
+        raise TrackingError(
+            where=f"{path}: target {track.target} (targets.{track.target}.boxes.{track.camera})",
+            seen=f"lost right after its box on frame {box.frame}, and never found again in {frames} frames",
+            expected="a target that can be told from what is behind it",
+            advice="draw the box closely around the target, on a frame in which it is large and sharp",
+        )
+
+
+def _losses(tracks: tuple[ImageTrack, ...]) -> Iterator[str]:
+    for track in tracks:
+        seen = np.flatnonzero(track.seen)
+        last, end = int(track.frame[seen[-1]]), int(track.frame[-1])
+        if last < end:
+            yield (
+                f"{track.camera}: {track.target} was last seen on frame {last} ({track.time_s[seen[-1]]:.2f} s) and "
+                f"not found again in the remaining {end - last} frames"
+            )
+
+
+def _gaps(times: Floats, rate: float, claimed: int) -> Iterator[str]:
+    """Broken or missing frames, as far as times and the container's claim betray them."""
+    steps = np.diff(times)
+    if len(steps) and steps.max() > 1.5 * np.median(steps):
+        wide = np.flatnonzero(steps > 1.5 * np.median(steps))
+        if len(wide) <= max(3, len(steps) // 20):
+            where = ", ".join(str(int(i) + 1) for i in wide[:5])
+            yield f"gaps in the video's times before frames {where}{' ...' if len(wide) > 5 else ''}"
+    if len(times) < claimed - max(2, claimed // 50):
+        yield f"the container claims {claimed} frames; {len(times)} could be decoded: the video is cut off or broken"
+
+
+def _size_note(frame: int, now: tuple[int, int], size: tuple[int, int]) -> str:
+    return (
+        f"frame {frame} is {now[0]} x {now[1]} instead of {size[0]} x {size[1]}: tracking ends there, the "
+        "camera's calibration would not hold"
+    )

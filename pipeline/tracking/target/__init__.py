@@ -1,0 +1,1 @@
+"""One target: its look (template), its place to a fraction of a pixel (alignment), its course, its track state."""

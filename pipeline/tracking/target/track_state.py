@@ -1,0 +1,100 @@
+"""What is known of a target between two frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats
+from pipeline.tracking.scene.background import Scene, moved
+from pipeline.tracking.target.coarse import Coarse
+from pipeline.tracking.target.kinematics import Course
+from pipeline.tracking.target.template import Template, scale_of
+
+WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
+# a find moves over the ground at this share of the speed it had, where that can be told
+SLOWER, LEAST_TOLD_PX = 0.3, 3.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fix:
+    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since."""
+
+    frame: int
+    xy_px: tuple[float, float]
+    linear: Floats
+    sigma_px: float
+    score: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Doubt:
+    """A find that waits for confirmation.
+
+    otherwise    the target as it is if the find is a mistake: still hidden, its course as it was, carried along
+    frames       that must agree with it
+    anchor_px    the ground where it was found, as the background carried it since
+    expected_px  how far the target would have gone over the ground since, at the speed it had
+    speed        that speed, px/s
+    """
+
+    otherwise: TrackState
+    frames: int
+    anchor_px: Floats
+    speed: float
+    expected_px: float = 0.0
+
+    def later(self, scene: Scene) -> Doubt:
+        """The same one frame later."""
+        anchor, _ = moved(scene.cur_from_prev, self.anchor_px)
+        return replace(self, anchor_px=anchor, expected_px=self.expected_px + self.speed * scene.dt_s)
+
+    def stands_still(self, now_px: Floats) -> bool:
+        """Whether what was found belongs to the ground, as far as that can be told."""
+        way = float(np.hypot(*(now_px - self.anchor_px)))
+        return self.expected_px > LEAST_TOLD_PX and way < SLOWER * self.expected_px
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackState:
+    """A target between two frames.
+
+    usual    (score, share agreeing) of this target when all of it is seen
+    pending  fixes after a loss that wait for confirmation; None while not in doubt
+    doubt    how much must agree before they count
+    lost_s   how long it has been hidden
+    scale_when_lost, speed_when_lost  image pixels for one of the first box's frame, and over the ground per second,
+             when it was last seen
+    hidden, gone  not seen now; not looked for any more
+    spin     how fast it turns against the scene, rad/s
+    fixes, travelled_px  so far; the way is over the ground
+    sigma_px  of the last fix
+    """
+
+    template: Template
+    linear: Floats
+    course: Course
+    coarse: Coarse | None
+    spin: float = 0.0
+    usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
+    lost_s: float = 0.0
+    scale_when_lost: float = 1.0
+    speed_when_lost: float = 0.0
+    doubt: Doubt | None = None
+    hidden: bool = False
+    gone: bool = False
+    pending: tuple[Fix, ...] = ()
+    fixes: int = 0
+    travelled_px: float = 0.0
+    sigma_px: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """Image pixels for one of the first box's frame."""
+        return scale_of(self.linear)
+
+    @property
+    def new(self) -> bool:
+        """Whether it has not yet moved enough over the ground to tell it from what is around it in its box."""
+        return self.fixes < WARM_FIXES or self.travelled_px < WARM_SIZES * self.template.size

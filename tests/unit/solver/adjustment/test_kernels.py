@@ -1,0 +1,115 @@
+"""Compiled kernels against their plain numpy twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.records import SolverSettings
+from pipeline.solver import solve
+from pipeline.solver.adjustment import _kernels, compiled_descent, elimination
+from pipeline.solver.adjustment.assembly import assemble, assemble_plain, blocks_at
+from pipeline.solver.adjustment.elimination import (
+    block_normals,
+    block_normals_plain,
+    frame_steps,
+    frame_steps_plain,
+)
+from pipeline.solver.observation.observations import metric
+from pipeline.synthetic.scenes import paper_scene
+from pipeline.synthetic.simulate import PAPER_LOW, simulate
+from tests.scenes.solver import changed, placed_model, rich_model
+
+pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
+
+
+def alike(found, wanted):
+    np.testing.assert_allclose(found, wanted, atol=1e-11 * max(1e-300, np.abs(wanted).max(initial=0)))
+
+
+@pytest.mark.parametrize("pose_rate", [False, True])
+@pytest.mark.parametrize(("kinds", "loss"), [
+    (("polynomial",), "none"), (("polynomial", "polynomial"), "huber"), (("polynomial", "spline"), "cauchy"),
+    (("spline", "spline"), "none"),
+])  # fmt: skip
+def test_twins(kinds, loss, pose_rate):
+    model, state = rich_model(kinds, loss, pose_rate=pose_rate)
+    for frames in (model.frames, metric(model.frames)):
+        _both(changed(model, frames=frames), state)
+
+
+def test_twins_where_cameras_stand_still():
+    model, state = rich_model(("polynomial", "spline"))
+    spread = model.pose.spread.copy()
+    spread[0] = 0.0
+    spread[1, :3] = 0.0
+    held = np.where(spread[model.frames.camera] > 0, state.own, 0.0)
+    _both(changed(model, pose=changed(model.pose, spread=spread)), changed(state, own=held))
+
+
+def test_twins_without_prior_of_the_frames():
+    model, state = rich_model(("polynomial", "polynomial"))
+    prior = model.pose.prior.copy()
+    prior[:, :3] = 0.0
+    _both(changed(model, pose=changed(model.pose, prior=prior, damping=1e-3)), state)
+
+
+@pytest.mark.parametrize("kinds", [("polynomial", "polynomial"), ("polynomial", "spline")])
+def test_twins_with_place_errors(kinds):
+    for loss in ("none", "huber"):
+        model, state = placed_model(kinds, loss)
+        for frames in (model.frames, metric(model.frames)):
+            _both(changed(model, frames=frames), state, anew=False)
+
+
+def _both(model, state, anew=True):
+    blocks, at = blocks_at(model, state)
+    given = (model.frames, model.pose, model.loss, at, blocks)
+    fast, plain = block_normals(*given), block_normals_plain(*given)
+    alike(fast.normal, plain.normal)
+    alike(fast.gradient, plain.gradient)
+    assert fast.cost == pytest.approx(plain.cost, rel=1e-12)
+    assert fast.frame_gain == pytest.approx(plain.frame_gain, rel=1e-9, abs=1e-9)
+    step = np.random.default_rng(0).normal(size=fast.gradient.shape)
+    wanted = frame_steps_plain(*given, step)
+    if anew:
+        alike(frame_steps(*given, step), wanted)
+    alike(frame_steps(*given, step, fast.kept), wanted)
+    quick, slow = assemble(model, blocks, plain), assemble_plain(model, blocks, plain)
+    for part in ("band", "border", "corner", "gradient"):
+        alike(getattr(quick, part), getattr(slow, part))
+
+
+@pytest.mark.parametrize("populated", [True, False])
+def test_twins_where_what_is_kept_is_large(monkeypatch, populated):
+    """Memory of its own, fetched at once where the system can."""
+    monkeypatch.setattr(elimination, "LARGE_PAGES", 0)
+    if not populated:
+        monkeypatch.setattr(elimination, "POPULATE_WRITE", -1)
+    model, state = rich_model(("polynomial", "spline"))
+    _both(model, state)
+
+
+def test_what_would_take_too_much_is_not_kept():
+    model, state = rich_model(("polynomial", "spline"))
+    blocks, _ = blocks_at(model, state)
+    assert len(elimination.kept_room(model.frames, blocks.begin, False, 1)) == 0
+    assert len(elimination.kept_room(model.frames, blocks.begin, False, 10**9)) > 0
+
+
+def test_warming_up_loads_the_signatures_in_use():
+    """A solve after `warm` must find everything compiled, or its seconds would count the compiler's."""
+    compiled_descent.warm()
+    before = [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)]
+    model, state = rich_model(("polynomial", "spline"), pose_rate=False)
+    _both(model, state)
+    assert [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)] == before
+
+
+def test_a_whole_solve_without_numba(monkeypatch):
+    problem, _ = simulate(paper_scene(order=1, targets=2), noise=PAPER_LOW, seed=0)
+    fast = solve(problem, SolverSettings())
+    monkeypatch.setattr(_kernels, "AVAILABLE", False)
+    plain = solve(problem, SolverSettings())
+    assert plain.cost == pytest.approx(fast.cost, rel=1e-9)
+    np.testing.assert_allclose(plain.motions[0].coefficients, fast.motions[0].coefficients, atol=1e-6)
