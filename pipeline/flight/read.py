@@ -29,7 +29,16 @@ from pipeline.records.problem import METHODS
 
 Item = TypeVar("Item")
 ANGLE_SIGMAS = ("attitude_bias", "attitude")
-PLAIN_SIGMAS = ("position_bias_m", "position_m", "offset_s", "frame_rate", "focal", "start_s")
+PLAIN_SIGMAS = (
+    "position_bias_m",
+    "position_m",
+    "offset_s",
+    "frame_rate",
+    "focal",
+    "start_s",
+    "attitude_tau_s",
+    "position_tau_s",
+)
 
 
 def read_flight(path: Path) -> Flight:
@@ -224,7 +233,7 @@ def _target(table: Table, name: str) -> TargetSettings:
             inner = boxes.table(camera)
             assert inner is not None
             found[camera] = _box(inner)
-    motion = table.choice("motion", ("polynomial", "spline"), "polynomial")
+    motion = table.choice("motion", ("auto", "polynomial", "spline"), "auto")
     return TargetSettings(
         name=name, motion=motion, order=table.choice("order", (*range(6), "auto"), "auto"), boxes=found
     )

@@ -47,7 +47,7 @@ class CameraInput:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetInput:
-    """One target: its name and how it may move; "auto" lets the data say. An `order` that is given means a polynomial."""
+    """One target: its name and how it may move; "auto" lets the data say. An `order` given means a polynomial."""
 
     target: str
     motion: MotionAsked = "auto"

@@ -315,7 +315,9 @@ def main() -> None:
             continue
         one, solution = found
         auto.append(one)
-        words = f"{seed} {one.ratio:5.2f} claims {one.rmse_m:7.2f} m offset {one.offset_sigmas:5.1f} {one.seconds:5.1f} s"
+        words = (
+            f"{seed} {one.ratio:5.2f} claims {one.rmse_m:7.2f} m offset {one.offset_sigmas:5.1f} {one.seconds:5.1f} s"
+        )
         if not isinstance(best, str):
             given.append((one, best[0]))
             words += f" | given {best[0].ratio:5.2f} {best[0].rmse_m:7.2f} m {best[0].offset_sigmas:5.1f}"

@@ -39,6 +39,7 @@ STATUS = {_descent.CONVERGED: "converged", _descent.LIMIT: "iteration-limit", _d
 def is_dense(model: Model) -> bool:
     """Whether the compiled descent knows the model: one span, no drift, poses held in log time."""
     one_span = len(model.basis.grid_s) == 2 and model.order.n_band == 0 and model.drift.count == 0
+    one_span = one_span and (model.wander is None or model.wander.count == 0)
     held = model.frames.pose_rate is None and model.frames.seen.size <= MOST_SIGHTINGS
     return bool(_kernels.AVAILABLE and one_span and held)
 
@@ -82,7 +83,7 @@ def graduated(
     status, iterations, camera, coefficients, own, corner, right, cost, gain = COMPILED(
         *given, stages.count, stages.short, float(stages.coarse), float(stages.far), kept
     )
-    state = State(coefficients=coefficients, camera=camera, deviation=start.deviation, own=own)
+    state = State(coefficients=coefficients, camera=camera, deviation=start.deviation, own=own, wander=start.wander)
     return STATUS[status], iterations, state, corner, right, cost, gain, history[:iterations]
 
 

@@ -81,7 +81,7 @@ class Loss:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class At:
-    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (C, 6), `focal` (C,), `own` (F, 6).
+    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (B, 6) of every block, `focal` (C,), `own` (F, 6).
 
     camera (C, W): the cameras' parameters, of which the place errors are taken
     """
@@ -151,7 +151,7 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
     part = slice(int(blocks.begin[low]), int(blocks.begin[high]))
     block, camera = _frame_index(blocks, low, high), frames.camera[part]
     position, velocity = _target_motion(at.series[block], blocks.u[part], blocks.half_s[block])
-    error = at.bias[camera] + pose.spread[camera] * at.own[part]
+    error = at.bias[block] + pose.spread[camera] * at.own[part]
     found = linearise(frames, part, position, error, at.focal[camera])
     residual = found.residual
     if at.placed and frames.angular:
@@ -287,7 +287,7 @@ def frame_steps(
         quick: Callable[..., None] = _kernels.kept_steps
         rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
         _, where = _kernel_arguments(frames, pose, loss, at, blocks)
-        quick(kept, rated, placed, pose.spread, *where, at.series, step, out, out)
+        quick(kept, rated, placed, pose.spread[blocks.camera], *where, at.series, step, out, out)
         return out
     compiled: Callable[..., Floats] = _kernels.frame_steps
     given, where = _kernel_arguments(frames, pose, loss, at, blocks)
@@ -297,15 +297,15 @@ def frame_steps(
 def _kernel_arguments(
     frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks
 ) -> tuple[tuple[object, ...], tuple[object, ...]]:
-    """What is seen and the point; where the blocks are."""
+    """What is seen and the point; where the blocks are. To the kernels every block is a camera of its own."""
     rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
     given = (
         frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None,
         frames.ray, frames.gain, frames.focal_effect, frames.seen, frames.angular,
-        pose.spread, pose.prior, pose.damping, loss.kind, loss.bend,
-        at.series, at.bias, at.focal, at.own,
+        pose.spread[blocks.camera], pose.prior[blocks.camera], pose.damping, loss.kind, loss.bend,
+        at.series, at.bias, at.focal[blocks.camera], at.own,
     )  # fmt: skip
-    return given, (blocks.begin, blocks.camera, blocks.u, blocks.half_s)
+    return given, (blocks.begin, np.arange(len(blocks.camera)), blocks.u, blocks.half_s)
 
 
 def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:

@@ -17,12 +17,15 @@ from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
+from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.clock_drift import drifting, with_drift
-from pipeline.solver.methods.initialisation import best_start, cleared, left_out, residuals, statistical_start
+from pipeline.solver.methods.initialisation import TRIED, best_start, cleared, left_out, residuals, statistical_start
 from pipeline.solver.methods.model_selection import choose_motions
 from pipeline.solver.methods.parameters import first_choice
+from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
 from pipeline.solver.methods.results import Outcome
 from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
+from pipeline.solver.methods.wandering_poses import with_wandering_poses
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.uncertainty.clusters import clusters
 from pipeline.solver.uncertainty.covariance import Inverse, sandwich
@@ -56,23 +59,35 @@ def adjust(
         model, state = statistical_start(problem, settings, frames, choice, candidate)
         return cleared(model, state, replace(descent, max_iterations=iterations), small)
 
+    asked = any(t.is_asked for t in problem.targets)
+
+    def warm(model: Model, state: State) -> Fit:
+        return levenberg_marquardt(model, state, replace(descent, damping=WARM), small=ROUGHLY)
+
+    def finely(model: Model, state: State) -> Fit:
+        return levenberg_marquardt(model, state, replace(descent, damping=WARM))
+
+    def settle(fit: Fit) -> Settled:
+        if fit.status == "iteration-limit" and len(found) > 1:
+            fit = continued(fit, descent)
+        fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
+        fit, clocks = with_drifting_clocks(problem, fit, descent)
+        fit, wanders = with_wandering_poses(problem, fit, warm)
+        chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]))
+        fit = with_estimated_priors(chosen.fit, descent)
+        if has_estimated_priors(fit):
+            fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
+        return Settled(fit=fit, findings=(*chosen.findings, *clocks, *wanders))
+
+    beginning = Beginning(
+        problem=problem, settings=settings, frames=frames, choice=choice, descent=descent, small=small
+    )
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
-    if fit.status == "iteration-limit" and len(found) > 1:
-        fit = continued(fit, descent)
-    if any(t.is_asked for t in problem.targets):
-        fit = with_estimated_priors(fit, descent)
-    chosen = choose_motions(
-        problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, replace(descent, damping=WARM))
-    )
-    fit, reasons = chosen.fit, chosen.findings
-    fit = with_estimated_priors(fit, descent, rounds=1)
-    fit, clocks = with_drifting_clocks(problem, fit, descent)
-    fit = with_estimated_priors(fit, descent)
-    if has_estimated_priors(fit):
-        fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
+    settled, restarts = best_of(settle(fit), beginning, found[:1], found[TRIED:], settle)
     return Adjusted(
-        fit=fit, findings=(*ambiguous, *reasons, *clocks, *left_out(frames, fit.model.frames)), candidates=ranked
-    )
+        fit=settled.fit, candidates=ranked,
+        findings=(*ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames)),
+    )  # fmt: skip
 
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
@@ -86,7 +101,7 @@ def has_estimated_priors(fit: Fit) -> bool:
     return fit.model.drift.count > 0 or any(t.kind != "polynomial" for t in fit.model.basis.targets)
 
 
-def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> Fit:
+def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS, *, even: bool = False) -> Fit:
     """Rounds of estimating how strong the priors of splines and drifting clocks are, and of roughly adjusting."""
     if not has_estimated_priors(fit):
         return fit
@@ -95,7 +110,7 @@ def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> F
         if factor is None:
             return fit
         covariance = Inverse(factor=factor)
-        jerk = renewed_jerk(fit.model, fit.state, covariance)
+        jerk = renewed_jerk(fit.model, fit.state, covariance, even=even)
         walk = renewed_walk(fit.model, fit.state, covariance)
         before = np.concatenate([fit.model.priors.jerk.ravel(), fit.model.priors.drift_rate])
         stronger = replace(fit, model=with_strengths(fit.model, jerk, walk))

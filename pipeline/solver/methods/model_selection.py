@@ -25,17 +25,18 @@ from scipy.stats import chi2
 from calibration.foundation.arrays import Floats
 from pipeline.records import Finding, Problem
 from pipeline.solver.adjustment.banded_system import factorise
-from pipeline.solver.uncertainty.covariance import Inverse
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
-from pipeline.solver.adjustment.model import Model, State, jerk_penalty
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
-from pipeline.solver.methods.variance_components import decided_rows
 from pipeline.solver.observation.clocks import common_time_s
 
 HIGHEST, TRIED, PROJECTED = 5, 7, 16
-"""Highest order taken; order from which orders are lowered; Legendre degree up to which a spline's path is looked at."""
+"""Highest order taken; order from which orders are lowered; Legendre degree to which a spline's path is looked at."""
 CHANCE, SCREENED = 0.01, 1e-4
 """Chance at which a true order would be rejected, and a target be left a spline without trying."""
+MOST_LONE = 2
+"""Highest order of a target that one camera alone sees; more it cannot tell from its own flight."""
 Descend = Callable[[Model, State], Fit]
 
 
@@ -48,16 +49,26 @@ class Chosen:
     findings: tuple[Finding, ...]
 
 
-def choose_motions(problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend) -> Chosen:
-    """From an adjustment with splines for all targets whose motion the data shall say."""
+def choose_motions(
+    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, simple: Callable[[], Fit]
+) -> Chosen:
+    """From an adjustment with splines for all targets whose motion the data shall say.
+
+    `simple` is another one, with parabolas: where little tells the time, splines may have lost their way.
+    """
     asked = {n: t.motion == "auto" for n, t in enumerate(problem.targets) if t.is_asked}
     if not asked:
         return Chosen(choice=choice, fit=fit, findings=())
+    lone = [n for n in asked if choice.kinds[n] == "polynomial"]
+    choice, fit = _raised(choice, fit, lone, descend)
+    findings = tuple(_reason(problem, choice, n) for n in lone)
+    asked = {n: free for n, free in asked.items() if n not in lone}
     beyond = _beyond(fit, [n for n, free in asked.items() if free])
     tried = [n for n, free in asked.items() if not free or beyond[n] > SCREENED]
     found = choice, fit
+    starts = [fit, _alike(simple(), fit)] if tried else []
     while tried:
-        lowered = _lowered(choice, fit, tried, descend)
+        lowered = _lowered(choice, starts, tried, descend)
         rich = [n for n in tried if asked[n] and (lowered is None or lowered.orders[n] > HIGHEST)]
         if lowered is not None and not rich:
             held = _held(choice, fit, lowered, {n for n in tried if not asked[n]}, descend)
@@ -69,7 +80,31 @@ def choose_motions(problem: Problem, choice: MotionChoice, fit: Fit, descend: De
             rich = [min(rich, key=lambda n: (beyond[n], problem.targets[n].target))] if rich else tried
         tried = [n for n in tried if n not in rich]
     choice, fit = found
-    return Chosen(choice=choice, fit=fit, findings=tuple(_reason(problem, choice, n) for n in asked))
+    return Chosen(choice=choice, fit=fit, findings=(*findings, *(_reason(problem, choice, n) for n in asked)))
+
+
+def _raised(choice: MotionChoice, fit: Fit, lone: Sequence[int], descend: Descend) -> tuple[MotionChoice, Fit]:
+    """Targets that one camera alone sees: still, unless the data mind; the one that minds most is raised first."""
+    while True:
+        trials = []
+        for n in lone:
+            if choice.orders[n] < MOST_LONE:
+                wanted = {n: choice.orders[n] + 1}
+                trials.append((with_orders(choice, wanted), _adjusted(choice, fit, wanted, descend)))
+        best = min(trials, key=lambda trial: trial[1].cost, default=None)
+        if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < chi2.isf(CHANCE / 10, 3):
+            return choice, fit
+        choice, fit = best
+
+
+def _alike(start: Fit, fit: Fit) -> Fit:
+    """Another start in the model of `fit`: its clocks' drifts and its poses' errors."""
+    model = start.model.changed(pose=fit.model.pose, drift=fit.model.drift, wander=fit.model.wander)
+    model = model.changed(priors=replace(model.priors, drift_rate=fit.model.priors.drift_rate))
+    state = replace(
+        start.state, deviation=fit.state.deviation, wander=fit.state.wander, own=np.zeros(start.state.own.shape)
+    )
+    return replace(start, model=model, linear=replace(start.linear, model=model, state=state))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +130,10 @@ def _beyond(fit: Fit, targets: Sequence[int]) -> dict[int, float]:
         value = weight @ fit.state.coefficients[t.first : t.first + t.count]
         columns = np.zeros((order.n_band + order.n_border, 3 * len(weight)))
         for axis in range(3):
-            columns[order.coefficient[t.first : t.first + t.count, axis], axis * len(weight) + np.arange(len(weight))[:, None]] = weight
+            columns[
+                order.coefficient[t.first : t.first + t.count, axis],
+                axis * len(weight) + np.arange(len(weight))[:, None],
+            ] = weight
         covariance = columns.T @ factor.solve(columns)
         flat = value.T.ravel()
         square = float(flat @ np.linalg.lstsq(covariance, flat, rcond=1e-12)[0])
@@ -104,7 +142,7 @@ def _beyond(fit: Fit, targets: Sequence[int]) -> dict[int, float]:
 
 
 def _legendre_rows(fit: Fit, target: int, degrees: int) -> Floats:
-    """(degrees + 1, count): projections of a spline's path on Legendre polynomials over its knots, by its coefficients."""
+    """(degrees + 1, count): projections of a spline on Legendre polynomials over its knots, by its coefficients."""
     basis, t = fit.model.basis, fit.model.basis.targets[target]
     nodes, weights = np.polynomial.legendre.leggauss(max(4 * t.count, 2 * degrees + 2))
     low, high = t.knots_s[0], t.knots_s[-1]
@@ -123,21 +161,10 @@ def _unit(fit: Fit) -> float:
     return max(1.0, 2 * data_cost(fit) / equations)
 
 
-def data_cost(fit: Fit) -> float:
-    """The cost without what the splines' priors add."""
-    cost = fit.cost
-    for n, t in enumerate(fit.model.basis.targets):
-        if t.kind == "spline":
-            first, rows, _ = jerk_penalty(fit.model, n)
-            value = np.einsum("pa,pax->px", rows, fit.state.coefficients[first[:, None] + np.arange(rows.shape[1])])
-            cost -= 0.5 * float((value**2).sum())
-    return cost
-
-
-def _lowered(choice: MotionChoice, fit: Fit, tried: Sequence[int], descend: Descend) -> _Lowered | None:
+def _lowered(choice: MotionChoice, starts: Sequence[Fit], tried: Sequence[int], descend: Descend) -> _Lowered | None:
     """Orders of the targets `tried`, lowered from `TRIED` as far as the data let them."""
-    orders = {n: _highest(fit, n) for n in tried}
-    raised = _adjusted(choice, fit, orders, descend)
+    orders = {n: _highest(starts[0], n) for n in tried}
+    raised = min((_adjusted(choice, start, orders, descend) for start in starts), key=lambda fit: fit.cost)
     factor = factorise(raised.linear.system)
     if factor is None or raised.status == "stalled":
         return None
@@ -206,17 +233,11 @@ def _held(
         fit = _adjusted(choice, lowered.raised, orders, descend)
         if fit.status == "stalled":
             return None
-        saved = sum(splines_rows(splines, n) - 3 * (k + 1) for n, k in orders.items())
+        saved = redundancy_left(fit) - redundancy_left(splines)
         worse = 2 * (data_cost(fit) - data_cost(splines)) / _unit(splines)
         if worse <= chi2.isf(CHANCE, max(saved, 3.0)) or bound:
             return with_orders(choice, orders), fit
         return None
-
-
-def splines_rows(fit: Fit, target: int) -> float:
-    """How many unknowns of a spline the data decide: nine of a parabola, and what they move against its prior."""
-    factor = factorise(fit.linear.system)
-    return 9.0 + (0.0 if factor is None else float(decided_rows(fit.model, target, Inverse(factor=factor)).sum()))
 
 
 def _reason(problem: Problem, choice: MotionChoice, n: int) -> Finding:
@@ -225,5 +246,5 @@ def _reason(problem: Problem, choice: MotionChoice, n: int) -> Finding:
         words = f"{target} is given a free motion (a spline): no polynomial up to order {HIGHEST} fits its sightings"
     else:
         shape = {0: "a still point", 1: "straight, at constant speed"}.get(order, f"a polynomial of order {order}")
-        words = f"{target} is given a motion of order {order} ({shape}): a lower order would not fit, and no sighting asks for more"
+        words = f"{target} is given a motion of order {order} ({shape}): less would not fit, and nothing asks for more"
     return Finding(kind="motion-order", subject=target, words=words)

@@ -50,15 +50,33 @@ class MotionChoice:
 
 def first_choice(problem: Problem, method: str = "map") -> MotionChoice:
     """What the problem says, with `FIRST_ORDER` where the data shall say."""
+    lone = seen_by_one(problem)
     return MotionChoice(
-        kinds=tuple(_first_kind(t, method) for t in problem.targets),
-        orders=tuple(FIRST_ORDER if t.order == "auto" else t.order for t in problem.targets),
+        kinds=tuple(_first_kind(t, method, t.target in lone) for t in problem.targets),
+        orders=tuple(_first_order(t, method, t.target in lone) for t in problem.targets),
     )
 
 
-def _first_kind(target: TargetInput, method: str) -> MotionKind:
-    """Only `map` can let the data say, and begins with a spline."""
-    return "spline" if target.motion == "spline" or (target.is_asked and method == "map") else "polynomial"
+def seen_by_one(problem: Problem) -> frozenset[str]:
+    """Targets that only one camera sees: a free motion of theirs could not be known."""
+    count = dict.fromkeys((t.target for t in problem.targets), 0)
+    for camera in problem.cameras:
+        for index in np.unique(camera.rays.target):
+            name = camera.rays.targets[index]
+            count[name] = count.get(name, 0) + 1
+    return frozenset(name for name, cameras in count.items() if cameras < 2)
+
+
+def _first_kind(target: TargetInput, method: str, lone: bool) -> MotionKind:
+    """Only `map` can let the data say, and begins with a spline; with a still point where one camera alone looks."""
+    asked = target.is_asked and method == "map" and not lone
+    return "spline" if target.motion == "spline" or asked else "polynomial"
+
+
+def _first_order(target: TargetInput, method: str, lone: bool) -> int:
+    if target.order != "auto":
+        return int(target.order)
+    return 0 if lone and method == "map" else FIRST_ORDER
 
 
 def is_still(camera: CameraInput) -> bool:

@@ -136,13 +136,18 @@ def are_parallel(bundle: Bundle) -> bool:
     return slides_along_rays(bundle, 0)
 
 
+def stands_still(bundle: Bundle) -> bool:
+    """Whether one camera alone sees the target, and from one place as far as its instruments can tell."""
+    spread = np.linalg.norm(bundle.centre_m - bundle.centre_m.mean(axis=0), axis=1)
+    return bool(bundle.cameras == 1 and np.sqrt((spread**2).mean()) < 3 * bundle.shift_m + 1e-6)
+
+
 def meet_in_one_point(bundle: Bundle) -> bool:
     """Whether one point lies on every ray: the camera itself where it stands still, or a point that all rays pass."""
-    spread = np.linalg.norm(bundle.centre_m - bundle.centre_m.mean(axis=0), axis=1)
-    if np.sqrt((spread**2).mean()) < 3 * bundle.shift_m + 1e-6 and bundle.cameras == 1:
+    if stands_still(bundle):
         return True
     across = np.eye(3) - bundle.ray[:, :, None] * bundle.ray[:, None, :]
-    weight = np.ones(len(spread))
+    weight = np.ones(len(bundle.centre_m))
     for _ in range(5):
         normal = np.einsum("m,mij->ij", weight, across)
         right = np.einsum("m,mij,mj->i", weight, across, bundle.centre_m)
@@ -151,7 +156,7 @@ def meet_in_one_point(bundle: Bundle) -> bool:
         variance = bundle.sigma_rad**2 * (away**2).sum(1) + bundle.shift_m**2
         weight = 1 / variance
     off = (across @ away[:, :, None])[:, :, 0]
-    return by_chance(float(((off**2).sum(1) * weight).sum()), max(2 * len(spread) - 3, 1))
+    return by_chance(float(((off**2).sum(1) * weight).sum()), max(2 * len(weight) - 3, 1))
 
 
 def lie_in_one_plane(bundle: Bundle) -> bool:

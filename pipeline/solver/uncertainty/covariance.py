@@ -18,6 +18,7 @@ from scipy.linalg import cho_solve_banded
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment.banded_system import Factor, band_of_inverse
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
+from pipeline.solver.observation.pose_wander import wander_penalty
 from pipeline.solver.uncertainty.jackknife import freed_gradients
 
 EXACT_ROWS = 400
@@ -138,11 +139,26 @@ def prior_rows(model: Model) -> Floats:
             rows = np.zeros((size, own.stop - own.start))
             rows[order.drift[own]] = np.linalg.cholesky(drift_penalty(model.drift, c, float(priors.drift_rate[c])))
             parts.append(rows)
+    parts += _wander_columns(model, size)
     rng = np.random.default_rng(0)
     for n, target in enumerate(model.basis.targets):
         if target.kind == "spline":
             parts.append(_jerk_columns(model, n, size, rng))
     return np.concatenate(parts, axis=1)
+
+
+def _wander_columns(model: Model, size: int) -> list[Floats]:
+    """The Gauss-Markov priors of wandering poses."""
+    out: list[Floats] = []
+    wander = model.wander
+    for c in range(len(model.frames.cameras)):
+        own = slice(0, 0) if wander is None else wander.of(c)
+        for axis in range(6):
+            if wander is not None and own.stop > own.start and wander.sigma[c, axis] > 0:
+                rows = np.zeros((size, own.stop - own.start))
+                rows[model.order.wander[own, axis]] = np.linalg.cholesky(wander_penalty(wander, c, axis))
+                out.append(rows)
+    return out
 
 
 def _jerk_columns(model: Model, n: int, size: int, rng: np.random.Generator) -> Floats:
