@@ -57,6 +57,17 @@ class CameraModel:
             settle(self, covariance=frozen(self.covariance, (n, n), "covariance"))
 
 
+def area_matrix(K: Floats, corner_px: tuple[float, float], scale: tuple[float, float]) -> Floats:
+    """K (3, 3) of a part of the picture that begins at `corner_px` (whole pixels from the top left), then scaled.
+
+    Pixel edges stay pixel edges: x' + 1/2 = (x + 1/2 - corner) scale.
+    """
+    moved = np.diag([scale[0], scale[1], 1.0]) @ K
+    for axis in (0, 1):
+        moved[axis, 2] = (K[axis, 2] + 0.5 - corner_px[axis]) * scale[axis] - 0.5
+    return moved
+
+
 def project(camera: CameraModel, points_cam: Floats) -> Floats:
     """Pixels (n, 2) of points (n, 3) in camera axes, any unit of length; points behind the camera give NaN."""
     points = np.asarray(points_cam, float).reshape(-1, 3)

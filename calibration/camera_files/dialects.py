@@ -11,49 +11,31 @@ from typing import Any
 
 import numpy as np
 
-from calibration.camera import PINHOLE_TERMS, CameraModel, Lens
+from calibration.camera import PINHOLE_TERMS, CameraModel, Lens, area_matrix
+from calibration.camera_files.plausibility import UNKNOWN_SIZE, NotACamera, refuse_impossible
 from calibration.foundation.arrays import Floats
 
 MATRIX_KEYS = (
     "K", "camera_matrix", "K-matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "camera_intrinsic_matrix",
-    "intrinsic_matrix", "intrinsics", "intrinsic", "matrix", "mtx", "M1", "k",
+    "intrinsic_matrix", "intrinsics", "intrinsic", "matrix", "mtx", "k",
 )  # fmt: skip
 DISTORTION_KEYS = (
     "distortion", "distortion_coefficients", "distCoeff", "distCoeffs", "dist_coeffs", "dist_coeff",
     "Distortion_Coefficients", "DistortionCoefficients", "distortion_coefficents", "distortion_coeffs", "distortions",
-    "dist", "D", "D1", "d",
+    "dist", "D", "d",
 )  # fmt: skip
 SIZE_KEYS = ("image_size", "resolution", "size", "imageSize", "image_resolution", "img_size")
 SIDE_KEYS = (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height"), ("w", "h"))
 LENSES: Mapping[str, Lens] = {
     "": "pinhole", "none": "pinhole", "pinhole": "pinhole", "plumb_bob": "pinhole", "radtan": "pinhole",
     "rational_polynomial": "pinhole", "rational": "pinhole", "brown": "pinhole", "opencv": "pinhole",
-    "perspective": "pinhole", "radial-tangential": "pinhole",
+    "perspective": "pinhole", "radial-tangential": "pinhole", "radialtangential": "pinhole", "brown-conrady": "pinhole",
     "fisheye": "fisheye", "equidistant": "fisheye", "equi": "fisheye", "kannala_brandt": "fisheye",
+    "kannalabrandt": "fisheye", "kannalabrandt8": "fisheye", "kannala-brandt": "fisheye", "kb4": "fisheye",
     "opencv_fisheye": "fisheye",
 }  # fmt: skip
-UNKNOWN_SIZE = (0, 0)
-
-
-class NotACamera(ValueError):  # noqa: N818  (an intermediate verdict, turned into an InputFileError)
-    """Why a mapping is no camera: what was seen, what was expected."""
-
-    def __init__(self, key: str, seen: str, expected: str) -> None:
-        self.key, self.seen, self.expected = key, seen, expected
-        super().__init__(f"{key}: {seen}; expected {expected}")
-
-
-def cameras_in(document: object) -> dict[str, Mapping[str, Any]]:
-    """The cameras a document holds, by name; "" where the document itself is one."""
-    if not isinstance(document, Mapping):
-        return {}
-    if _first(document, MATRIX_KEYS) is not None:
-        return {"": document}
-    found: dict[str, Mapping[str, Any]] = {}
-    for name, part in document.items():
-        for inner, camera in cameras_in(part).items():
-            found[f"{name}.{inner}" if inner else str(name)] = camera
-    return found
+SAYS_LITTLE = frozenset(["", "none", "pinhole", "perspective"])
+"""Names that leave open how the lens bends: a pinhole, unless another key says fisheye."""
 
 
 def camera_from(fields: Mapping[str, Any], made: Mapping[str, Any]) -> CameraModel:
@@ -66,9 +48,10 @@ def camera_from(fields: Mapping[str, Any], made: Mapping[str, Any]) -> CameraMod
     K = _matrix(fields)
     size = _size(fields)
     notes = dict(made)
+    refuse_impossible(K, size, cropped="area" in made)
+    K, size = _as_sent(fields, K, size, notes)
     if size == UNKNOWN_SIZE:
         notes["note"] = "the file gives no image size: whether photos or video fit this camera cannot be checked"
-    _check_matrix(K, size)
     distortion = _distortion(fields, lens)
     rms = _number(fields, ("rms_px", "rms", "error", "avg_reprojection_error", "reprojection_error"))
     return CameraModel(
@@ -100,15 +83,23 @@ def _numbers(key: str, value: object) -> Floats:
 
 
 def _lens(fields: Mapping[str, Any]) -> Lens:
-    if fields.get("fisheye") is True:
-        return "fisheye"
+    """What every key that speaks of the lens says; refuses names that are not known, and two that contradict."""
+    said: dict[Lens, str] = {}
+    for key in ("fisheye", "fisheye_model"):
+        flag = fields.get(key)
+        if flag not in (None, False, 0, 1, True) and str(flag).lower() not in ("true", "false"):
+            raise NotACamera(key, repr(flag), "true or false")
+        if flag in (True, 1) or str(flag).lower() == "true":
+            said["fisheye"] = key
     for key in ("distortion_model", "camera_model", "model"):
         name = str(fields.get(key) or "").strip().lower()
         if name not in LENSES:
             raise NotACamera(key, repr(fields[key]), "pinhole (plumb_bob, radtan, rational_polynomial) or fisheye")
-        if name and name != "pinhole":
-            return LENSES[name]
-    return "pinhole"
+        if name not in SAYS_LITTLE:
+            said[LENSES[name]] = key
+    if len(said) > 1:
+        raise NotACamera(said["fisheye"], f"a fisheye, while {said['pinhole']} says a pinhole", "one kind of lens")
+    return next(iter(said), "pinhole")
 
 
 def _matrix(fields: Mapping[str, Any]) -> Floats:
@@ -126,18 +117,30 @@ def _matrix(fields: Mapping[str, Any]) -> Floats:
     return flat.reshape(3, 3)
 
 
-def _check_matrix(K: Floats, size: tuple[int, int]) -> None:
-    if K[0, 0] <= 0 or K[1, 1] <= 0:
-        raise NotACamera("K", f"focal lengths {K[0, 0]:g}, {K[1, 1]:g}", "focal lengths above 0, in pixels")
-    if not np.allclose(K[[1, 2, 2, 2], [0, 0, 1, 2]], (0, 0, 0, 1), atol=1e-9):
-        raise NotACamera("K", f"last row {K[2].tolist()}", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]], row by row")
-    if abs(K[0, 1]) > 1e-6 * K[0, 0]:
-        raise NotACamera("K", f"skew {K[0, 1]:g}", "no skew: OpenCV's lens model has none")
-    width, height = size
-    if size != UNKNOWN_SIZE and not (-width < K[0, 2] < 2 * width and -height < K[1, 2] < 2 * height):
-        raise NotACamera(
-            "K", f"principal point {K[0, 2]:g}, {K[1, 2]:g}", f"a point in or near the image of {width} x {height}"
-        )
+def _as_sent(
+    fields: Mapping[str, Any], K: Floats, size: tuple[int, int], notes: dict[str, Any]
+) -> tuple[Floats, tuple[int, int]]:
+    """K and size of the pictures that a ROS camera sends: a region of the sensor's (`roi`), then binned."""
+    roi = fields.get("roi") if isinstance(fields.get("roi"), Mapping) else {}
+    assert isinstance(roi, Mapping)
+    x, y, width, height = (_whole(roi, name) for name in ("x_offset", "y_offset", "width", "height"))
+    bins = max(1, _whole(fields, "binning_x")), max(1, _whole(fields, "binning_y"))
+    if size == UNKNOWN_SIZE or (bins == (1, 1) and not (x or y or width or height)):
+        return K, size
+    part = width or size[0] - x, height or size[1] - y
+    if x + part[0] > size[0] or y + part[1] > size[1] or min(part) < 1:
+        raise NotACamera("roi", f"{part[0]} x {part[1]} from {x}, {y}", f"a part of {size[0]} x {size[1]}")
+    if part != size or bins != (1, 1):
+        notes["area"] = f"{part[0]} x {part[1]} from {x}, {y} of {size[0]} x {size[1]}, binned {bins[0]} x {bins[1]}"
+    sent = part[0] // bins[0], part[1] // bins[1]
+    return area_matrix(K, (x, y), (1 / bins[0], 1 / bins[1])), sent
+
+
+def _whole(fields: Mapping[str, Any], key: str) -> int:
+    value = fields.get(key) or 0
+    if not isinstance(value, int | float) or value % 1 or value < 0:
+        raise NotACamera(key, repr(value), "a whole number, 0 or more")
+    return int(value)
 
 
 def _distortion(fields: Mapping[str, Any], lens: Lens) -> Floats:

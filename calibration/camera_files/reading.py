@@ -1,21 +1,22 @@
-"""The camera in a file: ours (JSON), and those of OpenCV, ROS, Kalibr, caliscope and aniposelib."""
+"""The camera in a file: the text becomes a document, the document is recognised, its fields become a camera."""
 
 from __future__ import annotations
 
-import json
-import tomllib
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from calibration.camera import CameraModel
-from calibration.camera_files.dialects import NotACamera, camera_from, cameras_in
-from calibration.camera_files.yaml_document import parse_yaml
+from calibration.camera_files.dialects import camera_from
+from calibration.camera_files.documents import document_in
+from calibration.camera_files.plausibility import NotACamera
+from calibration.camera_files.recognition import cameras_in
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 
-EXPECTED = "a camera file: JSON of `runningfix calibrate`, OpenCV YAML/XML, ROS camera_info, Kalibr or TOML"
+EXPECTED = (
+    "a camera file: JSON of `runningfix calibrate`, OpenCV YAML/XML, ROS camera_info, Kalibr or another one listed"
+)
 
 
 def read_camera(path: Path, *, camera: str | None = None) -> CameraModel:
@@ -27,16 +28,16 @@ def read_camera(path: Path, *, camera: str | None = None) -> CameraModel:
     """
     text = _text(path)
     format_name, document = _parsed(path, text)
-    fields = _one_camera(path, document, camera)
-    made = fields.get("made") if isinstance(fields.get("made"), Mapping) else None
     try:
+        fields = _one_camera(path, document, camera)
+        made = fields.get("made") if isinstance(fields.get("made"), Mapping) else None
         return camera_from(fields, made if made is not None else {"from": f"{path.name} ({format_name})"})
     except NotACamera as reason:
         raise InputFileError(
-            where=f"{path}, {reason.key}",
+            where=f"{path}, {reason.key}" if reason.key else str(path),
             seen=reason.seen,
             expected=reason.expected,
-            advice="correct the file, or calibrate again with `runningfix calibrate`",
+            advice=reason.advice or "correct the file, or calibrate again with `runningfix calibrate`",
         ) from None
 
 
@@ -56,58 +57,15 @@ def _text(path: Path) -> str:
 
 def _parsed(path: Path, text: str) -> tuple[str, Any]:
     """The name of the format and the document."""
-    start = text.lstrip()
-    if start.startswith("{"):
-        name, parse = "JSON", _parse_json
-    elif start.startswith("<"):
-        name, parse = "OpenCV XML", _parse_xml
-    elif path.suffix.lower() == ".toml":
-        name, parse = "TOML", _parse_toml
-    else:
-        name, parse = "YAML", _parse_yaml
     try:
-        return name, parse(text)
+        return document_in(text, path.suffix.lower())
     except ValueError as error:
         raise InputFileError(
             where=str(path),
-            seen=f"{name} that cannot be read ({error})",
+            seen=f"a file that cannot be read ({error})",
             expected=EXPECTED,
             advice="check that the file is whole and of one of these formats",
         ) from None
-
-
-def _parse_json(text: str) -> Any:
-    return json.loads(text)
-
-
-def _parse_toml(text: str) -> Any:
-    return tomllib.loads(text)
-
-
-def _parse_yaml(text: str) -> Any:
-    return parse_yaml(text)
-
-
-def _parse_xml(text: str) -> Any:
-    if "<!ENTITY" in text:
-        raise ValueError("entity definitions are not accepted")
-    try:
-        return _xml_value(ET.fromstring(text))
-    except ET.ParseError as error:
-        raise ValueError(str(error)) from None
-
-
-def _xml_value(node: ET.Element) -> Any:
-    if len(node):
-        return {child.tag: _xml_value(child) for child in node}
-    words = (node.text or "").split()
-    try:
-        numbers: list[float] = [float(word) for word in words]
-    except ValueError:
-        return (node.text or "").strip().strip('"')
-    if node.tag == "data" or len(numbers) != 1:
-        return numbers
-    return numbers[0]
 
 
 def _one_camera(path: Path, document: Any, camera: str | None) -> Mapping[str, Any]:
@@ -129,6 +87,6 @@ def _one_camera(path: Path, document: Any, camera: str | None) -> Mapping[str, A
             where=str(path),
             seen=f"{len(cameras)} cameras: {', '.join(cameras)}" + (f", none named {camera!r}" if camera else ""),
             expected="one camera, or the name of one of them",
-            advice="keep the camera you mean in a file of its own",
+            advice=f"`runningfix camera scale {path.name} --camera {next(iter(cameras))} -o one.json` writes it",
         )
     return cameras[chosen[0]]

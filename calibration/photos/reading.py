@@ -1,13 +1,13 @@
-"""Photos from files, folders, patterns and videos, one after the other, as gray images.
+"""Photos from files, folders and patterns, one after the other, as gray images.
 
-Pixels are taken as the sensor stored them: EXIF orientation and a video's rotation tag are not applied, because a
-camera's lens does not turn with the hand that holds it, and photos taken upright and on the side then agree.
+Pixels are taken as the sensor stored them: EXIF orientation is not applied, because a camera's lens does not turn with
+the hand that holds it, and photos taken upright and on the side then agree.
 """
 
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,8 +20,6 @@ from calibration.photos.metadata import metadata_of
 
 PHOTO_SUFFIXES = frozenset([".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".jp2"])
 VIDEO_SUFFIXES = frozenset([".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".m2ts", ".webm", ".mpg", ".mpeg"])
-MOST_FRAMES = 240
-"""Frames of a video that are looked at, evenly spread."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,51 +98,4 @@ def read_photo(path: Path) -> Photo:
             expected="a photo that can be decoded",
             advice="copy it from the camera again, or leave it out",
         )
-    return Photo(name=path.name, gray=gray, taken=metadata_of(raw))
-
-
-def frame_count(path: Path) -> int:
-    """How many frames of a video are looked at."""
-    capture = _opened(path)
-    total = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    capture.release()
-    return min(total, MOST_FRAMES) if total > 0 else MOST_FRAMES
-
-
-def video_frames(path: Path) -> Iterator[Photo]:
-    """At most 240 frames spread evenly over a video, named by file and frame number.
-
-    Raises InputFileError where it cannot be opened or holds no frame.
-    """
-    capture = _opened(path)
-    total = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    step = max(1, total // MOST_FRAMES)
-    number = given = 0
-    while given < MOST_FRAMES and capture.grab():
-        if number % step == 0:
-            good, image = capture.retrieve()
-            if good:
-                given += 1
-                yield Photo(name=f"{path.name}#{number}", gray=cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
-        number += 1
-    capture.release()
-    if not given:
-        raise InputFileError(
-            where=str(path),
-            seen="no frame could be decoded",
-            expected="a whole video",
-            advice="copy the video from the camera again",
-        )
-
-
-def _opened(path: Path) -> cv2.VideoCapture:
-    capture = cv2.VideoCapture(str(path))
-    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-    if not capture.isOpened():
-        raise InputFileError(
-            where=str(path),
-            seen="not a video, or a damaged one",
-            expected="a video that can be decoded",
-            advice="copy it from the camera again; a recording that was cut off has no index",
-        )
-    return capture
+    return Photo(name=path.name, gray=gray, taken={**metadata_of(raw), "turned_deg": "0"})

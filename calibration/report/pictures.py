@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from calibration.judgement.result import CalibratedView, Calibration
-from calibration.photos.reading import Photo, find_photos, read_photo, video_frames
+from calibration.photos.reading import Photo, find_photos, read_photo
+from calibration.photos.videos import video_frames
 from calibration.report.page import ARROW
 
 WIDTH_PX = 360

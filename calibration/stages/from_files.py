@@ -16,7 +16,8 @@ from calibration.detection.find import find_board, looks_like
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError, UsageError
 from calibration.judgement.result import Calibration, RejectedView
-from calibration.photos.reading import Photo, PhotoFiles, find_photos, frame_count, read_photo, video_frames
+from calibration.photos.reading import Photo, PhotoFiles, find_photos, read_photo
+from calibration.photos.videos import frame_count, video_frames
 from calibration.stages.from_views import calibrate, refuse_mixed_sizes
 
 Progress = Callable[[int, int], None]
@@ -67,7 +68,7 @@ def find_views(files: PhotoFiles, board: Board, progress: Progress | None = None
         seen = []
         for photo in video_frames(video):
             done += 1
-            view = find_board(photo.gray, board, photo.name)
+            view = find_board(photo.gray, board, photo.name, taken=photo.taken)
             seen += [] if view is None else [view]
             sizes.append((photo.name, (photo.gray.shape[1], photo.gray.shape[0])))
             if progress is not None:
@@ -184,9 +185,19 @@ def _some_photos(files: PhotoFiles) -> Iterator[Photo]:
         yield from (photo for photo, _ in zip(frames, range(ASKED_FOR_SIZE), strict=False))
 
 
+SAME_IN_ALL = {
+    "camera": "camera",
+    "serial": "camera (serial number)",
+    "focal_mm": "focal length in mm",
+    "turned_deg": "way up (degrees by which the pictures are turned; photos as stored, videos as shown)",
+    "sample_aspect": "shape of the pixels",
+}
+"""What all photos of one calibration have in common, as far as they say it."""
+
+
 def _refuse_mixed_cameras(views: Sequence[BoardView]) -> None:
     """Raises InputFileError where the photos themselves say that camera or zoom changed."""
-    for key, what in (("camera", "camera"), ("serial", "camera (serial number)"), ("focal_mm", "focal length in mm")):
+    for key, what in SAME_IN_ALL.items():
         values = Counter(v.taken[key] for v in views if key in v.taken)
         if len(values) > 1:
             told = "; ".join(f"{value}: {', '.join(_named(views, key, value))}" for value in values)

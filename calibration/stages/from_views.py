@@ -307,5 +307,17 @@ def _camera(
             "covariance_inflation": round(best.uncertainty.inflation, 4),
             "verdict": verdict,
             "pixels": "as stored: EXIF orientation is not applied",
+            **_taken(views),
         },
     )
+
+
+def _taken(views: Sequence[BoardView]) -> dict[str, str | float]:
+    """What all views say alike of the camera and of how their pictures come: held against the videos it is used for."""
+    said: dict[str, str | float] = {}
+    for key in ("maker", "camera", "serial", "focal_mm", "turned_deg", "sample_aspect"):
+        values = {view.taken.get(key) for view in views}
+        value = next(iter(values)) if len(values) == 1 else None
+        if value is not None:
+            said[key] = float(value) if key == "sample_aspect" else int(value) if key == "turned_deg" else value
+    return said

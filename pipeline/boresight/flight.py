@@ -18,13 +18,14 @@ from pipeline.flight import Flight
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_from_geodetic
 from pipeline.records import PoseTrack, SightRays
+from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.sources import Sources, open_sources
 from pipeline.stages.inputs.tracks import read_tracks
 from pipeline.stages.poses.measure import measure_poses
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import poses_of
 from pipeline.stages.problem.priors import place_sigma_px
-from pipeline.stages.problem.rays import read_models, sight_rays
+from pipeline.stages.problem.rays import sight_rays
 
 LEAST_FRAMES = 10
 VAGUE_DEG = 5.0
@@ -51,7 +52,7 @@ class CameraBoresight:
     angles_deg   (3,) roll, pitch, yaw of the mount as they should be in the flight file; of a pose table or a still
                  camera, which have no mount: of the correction itself
     covariance_deg2 (3, 3) of them
-    has_mount    whether `angles_deg` are the mount's
+    key          what `angles_deg` are in the flight file: "mount", of a gimbal "mount_correction"; else "correction"
     start_s      `start` as it should be in the flight file, where that is a number
     """
 
@@ -59,7 +60,7 @@ class CameraBoresight:
     found: Boresight
     angles_deg: Floats
     covariance_deg2: Floats
-    has_mount: bool
+    key: str
     start_s: float | None
     frames: int
 
@@ -211,7 +212,9 @@ def _some(rays: SightRays, keep: Any) -> SightRays:
 
 def _answer(flight: Flight, pose: MeasuredPoses, found: Boresight, frames: int, *, has_mount: bool) -> CameraBoresight:
     camera = flight.camera(pose.camera)
-    mount = camera.mount if has_mount else None
+    corrected = camera.mount.gimbal or camera.mount_correction.given
+    mount = None if not has_mount else camera.mount_correction if corrected else camera.mount
+    key = "correction" if mount is None else "mount_correction" if corrected else "mount"
     before = np.zeros(3) if mount is None else np.array([mount.yaw_rad, mount.pitch_rad, mount.roll_rad])
     angles, step = _roll_pitch_yaw_deg(before, found.rotation_rad), 1e-5
     ahead, behind = (
@@ -231,7 +234,7 @@ def _answer(flight: Flight, pose: MeasuredPoses, found: Boresight, frames: int, 
     start = camera.start + found.start_s if isinstance(camera.start, float) and found.covariance[3, 3] > 0 else None
     return CameraBoresight(
         camera=pose.camera, found=found, angles_deg=angles, covariance_deg2=J @ found.covariance[:3, :3] @ J.T,
-        has_mount=has_mount, start_s=start, frames=frames,
+        key=key, start_s=start, frames=frames,
     )  # fmt: skip
 
 
@@ -256,7 +259,7 @@ def _camera_document(b: CameraBoresight) -> dict[str, Any]:
     roll, pitch, yaw = (round(float(a), 6) for a in b.angles_deg)
     time_sigma = float(np.sqrt(b.found.covariance[3, 3]))
     return {
-        "mount" if b.has_mount else "correction": {"roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw},
+        b.key: {"roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw},
         "sigma_deg": [round(float(s), 6) for s in sigma],
         "covariance_deg2": b.covariance_deg2.tolist(),
         "start_shift_s": b.found.start_s if time_sigma > 0 else None,

@@ -66,7 +66,7 @@ def words(document: dict[str, Any]) -> str:
     """The same for people: lines for the flight file, with what they are worth."""
     lines = []
     for name, camera in document["cameras"].items():
-        key = "mount" if "mount" in camera else "correction"
+        key = next(k for k in ("mount", "mount_correction", "correction") if k in camera)
         angles = ", ".join(f"{axis} = {value:.3f}" for axis, value in camera[key].items())
         worth = ", ".join(f"{sigma:.3f}" for sigma in camera["sigma_deg"])
         lines += [f"[cameras.{name}]", f"{key} = {{ {angles} }}   # +- {worth}"]

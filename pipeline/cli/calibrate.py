@@ -8,10 +8,11 @@ from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
-from calibration import Board, Calibration, calibrate_files, calibration_page, pictures, write_camera
+from calibration import Board, Calibration, CameraModel, calibrate_files, calibration_page, pictures, write_camera
 from calibration.foundation.errors import CalibrationError, RunningFixError, UsageError
 from calibration.foundation.files import write_whole
 from pipeline.cli.board import read_board
+from pipeline.cli.camera import for_video
 from pipeline.cli.console import Console
 
 SUFFIXES = {"json": ".json", "opencv-xml": ".xml", "caliscope": ".toml", "aniposelib": ".toml"}
@@ -21,6 +22,10 @@ VERDICTS = ("poor", "usable", "good")
 def run(arguments: Namespace, console: Console) -> int:
     """Calibrates, writes the camera file, says how far to believe it."""
     board = read_board(arguments)
+    if arguments.crop is not None and arguments.video is None:
+        raise UsageError(
+            where="--crop", seen="without --for", expected="the video that shows this part", advice="add --for VIDEO"
+        )
     if arguments.each:
         return _run_each(arguments, board, console)
     report, text = _calibrated(arguments.sources, arguments.output, board, arguments, console)
@@ -62,7 +67,10 @@ def _calibrated(
     found = calibrate_files(
         sources, board, progress=lambda done, total: console.progress(stage, done, total), terms=arguments.terms
     )
-    write_camera(output, found.camera, format_name=arguments.format)
+    camera = found.camera if arguments.video is None else for_video(
+        found.camera, output, arguments.video, arguments.crop
+    )  # fmt: skip
+    write_camera(output, camera, format_name=arguments.format)
     files = [str(output)]
     if arguments.report:
         page = output.with_suffix(".html")
@@ -71,9 +79,14 @@ def _calibrated(
         )
         files.append(str(page))
     seconds = time.perf_counter() - begin
+    fit = {} if arguments.video is None else {"for": {"video": str(arguments.video), **_numbers(camera)}}
     for line in (*found.warnings, *found.advice):
         console.say(f"note: {line}")
-    return summary(found, files, seconds), words(found, files)
+    return {**summary(found, files, seconds), **fit}, words(found, files)
+
+
+def _numbers(camera: CameraModel) -> dict[str, Any]:
+    return {"image_size": list(camera.image_size), "K": camera.K.tolist(), "distortion": camera.distortion.tolist()}
 
 
 def _code(report: dict[str, Any], arguments: Namespace) -> int:

@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Mapping
 from typing import Any
 
 from tqdm import tqdm
+
+from calibration.foundation.errors import WriteError
+
+
+class OutputClosedError(WriteError):
+    """Standard output is closed, or was before the result was written."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            where="standard output",
+            seen="closed before the result was written",
+            expected="somebody who reads it",
+            advice="the files are written; keep the output with > result.json",
+        )
 
 
 class Console:
@@ -48,11 +63,30 @@ class Console:
         """The command's result: JSON where that was asked for, else `text`."""
         self.close()
         if self.as_json:
-            print(json.dumps(summary, indent=1, allow_nan=False))  # noqa: T201
+            self._print(json.dumps(_finite(summary), indent=1, allow_nan=False, default=str))
         elif not self.quiet:
-            print(text)  # noqa: T201
+            self._print(text)
+
+    def _print(self, text: str) -> None:
+        """To standard output, at once. Raises OutputClosedError where nobody reads it."""
+        try:
+            if sys.stdout is not None:
+                print(text, flush=True)  # noqa: T201
+            elif self.as_json:
+                raise BrokenPipeError
+        except (BrokenPipeError, ValueError):
+            raise OutputClosedError from None
 
     def error(self, text: str) -> None:
         """One message for one mistake."""
         self.close()
         print(f"runningfix: {text}", file=sys.stderr)  # noqa: T201
+
+
+def _finite(value: Any) -> Any:
+    """`value` with null for numbers that JSON does not know."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

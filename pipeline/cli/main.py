@@ -6,21 +6,26 @@ import importlib
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from functools import partial
 
-from calibration.foundation.errors import RunningFixError
 from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
-INTERRUPTED = 130
-OWN_MODULES = ("board", "boresight", "calibrate", "demo", "detect", "experiment", "inspect", "label")
+OWN_MODULES = ("board", "boresight", "calibrate", "camera", "check", "demo", "detect", "experiment", "inspect", "label")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs one command and returns its exit code (design: 0 done, 2 usage, 3 input, 4 tracking, 5 geometry, 6 writing,
-    7 ran but did not converge).
+    """Runs one command and returns its exit code (design: 0 done, 1 a fault of the program, 2 usage, 3 input,
+    4 tracking, 5 geometry, 6 writing, 7 ran but is not to be used, 130 interrupted).
     """
+    given = list(sys.argv[1:] if argv is None else argv)
     parser = build_parser()
-    arguments = parser.parse_args(argv)
+    try:
+        arguments = parser.parse_args(given)
+    except SystemExit as ended:  # --help; mistakes are raised by the parser
+        return int(ended.code or 0)
+    except Exception as error:
+        return _refused(given, error)
     if arguments.version:
         from importlib.metadata import version
 
@@ -29,37 +34,37 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.command is None:
         parser.print_help(sys.stderr)
         return BAD_USAGE
-    return run(arguments)
+    return run(arguments, given)
 
 
-def run(arguments: Namespace) -> int:
-    """The command's action, with every user's mistake turned into one message and an exit code."""
+def _refused(given: list[str], error: Exception) -> int:
+    """A command line that is none."""
     from pipeline.cli.console import Console
+    from pipeline.cli.door import mend_streams, through_door
 
+    def fail() -> int:
+        raise error
+
+    mend_streams()
+    return through_door(given[0] if given else "", fail, Console(as_json="--json" in given))
+
+
+def run(arguments: Namespace, given: Sequence[str] = ()) -> int:
+    """The command's action, with whatever goes wrong turned into one message and an exit code."""
+    from pipeline.cli.console import Console
+    from pipeline.cli.door import check_arguments, mend_streams, through_door
+
+    mend_streams()
     console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json)
-    module = arguments.command if arguments.command in OWN_MODULES else "flights"
-    try:
-        action = importlib.import_module(f"pipeline.cli.{module}")
-        code: int = action.run(arguments, console)
-    except RunningFixError as error:
-        console.error(str(error))
-        if arguments.json:
-            console.result(failure(arguments.command, error), "")
-        return error.exit_code
-    except KeyboardInterrupt:
-        console.error("interrupted; what is finished is kept, the same command goes on from there")
-        return INTERRUPTED
-    return code
 
+    def act() -> int:
+        check_arguments(list(given))
+        module = arguments.command if arguments.command in OWN_MODULES else "flights"
+        action = partial(importlib.import_module(f"pipeline.cli.{module}").run, arguments, console)
+        code: int = action()
+        return code
 
-def failure(command: str, error: RunningFixError) -> dict[str, object]:
-    """The machine-readable form of a mistake."""
-    return {
-        "status": "error",
-        "command": command,
-        "exit_code": error.exit_code,
-        "error": {"where": error.where, "seen": error.seen, "expected": error.expected, "advice": error.advice},
-    }
+    return through_door(arguments.command, act, console)
 
 
 if __name__ == "__main__":

@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, NoReturn, TypeAlias
+
+from calibration.foundation.errors import UsageError
 
 OUT_HELP = "folder for the results (made where it is missing)"
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose mistakes are errors like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises UsageError."""
+        raise UsageError(
+            where="command line",
+            seen=message,
+            expected=" ".join(self.format_usage().removeprefix("usage: ").split()),
+            advice=f"`{self.prog} --help` shows an example",
+        )
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser of every command."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="runningfix",
         description="3D trajectories of moving targets from unsynchronised flight video, flight logs and board photos.",
         epilog="example:\n  runningfix demo -o demo/          renders a flight with its truth, then processes it",
@@ -21,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _board(commands)
     _calibrate(commands)
+    _camera(commands)
     _detect(commands)
     _label(commands)
     for name, what in (
@@ -37,7 +54,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def _command(commands: Commands, name: str, what: str, example: str) -> argparse.ArgumentParser:
@@ -75,6 +92,9 @@ def _pattern(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dictionary", metavar="NAME", help="of the markers (default DICT_5X5_1000)")
 
 
+FORMATS = ("json", "opencv-yaml", "opencv-xml", "ros", "kalibr", "aniposelib", "caliscope")
+
+
 def _calibrate(commands: Commands) -> None:
     parser = _command(
         commands,
@@ -88,14 +108,42 @@ def _calibrate(commands: Commands) -> None:
     terms = ("auto", "focal", "1", "2", "4", "5", "8", "fisheye")
     parser.add_argument("--terms", choices=terms, default="auto", help="distortion terms (default: by held-out error)")
     parser.add_argument("--report", action="store_true", help="also write a page with pictures beside it (.html)")
-    formats = ("json", "opencv-yaml", "opencv-xml", "ros", "kalibr", "aniposelib", "caliscope")
-    parser.add_argument("--format", choices=formats, default="json", help="of the camera file (default json)")
+    parser.add_argument("--format", choices=FORMATS, default="json", help="of the camera file (default json)")
     parser.add_argument(
         "--each", action="store_true", help="every source is a camera of its own; -o is a folder for NAME.json"
     )
     parser.add_argument(
+        "--for", dest="video", type=Path, metavar="VIDEO",
+        help="write the camera of this video's pictures: the photos' scaled, where both have one shape; else --crop",
+    )  # fmt: skip
+    parser.add_argument("--crop", **CROP)
+    parser.add_argument(
         "--at-least", choices=("usable", "good"), help="exit code 5 where the verdict is worse (the file is written)"
     )
+
+
+CROP: Mapping[str, Any] = {
+    "nargs": 4, "type": float, "metavar": ("X", "Y", "WIDTH", "HEIGHT"),
+    "help": "part of the calibrated picture that is meant, in its pixels from the top left",
+}  # fmt: skip
+
+
+def _camera(commands: Commands) -> None:
+    parser = _command(
+        commands, "camera", "a camera file for other pictures of its camera: scaled, cropped, turned, converted",
+        "runningfix camera scale uav1.json --to 1920x1080 -o uav1-1080.json",
+    )  # fmt: skip
+    parser.add_argument("action", choices=("scale",), help="what to do")
+    parser.add_argument("file", type=Path, metavar="camera.json", help="the camera file, of any format that is read")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="new.json", help="file to write")
+    parser.add_argument("--for", dest="video", type=Path, metavar="VIDEO", help="the video whose pictures it is to fit")
+    parser.add_argument("--to", metavar="WIDTHxHEIGHT", help="size of the pictures it is to fit")
+    parser.add_argument("--crop", **CROP)
+    parser.add_argument(
+        "--turn", type=int, choices=(90, 180, 270), default=0, help="degrees clockwise by which the pictures are turned"
+    )
+    parser.add_argument("--camera", metavar="NAME", help="which one, where the file holds several")
+    parser.add_argument("--format", choices=FORMATS, default="json", help="of the new file (default json)")
 
 
 def _boresight(commands: Commands) -> None:

@@ -17,8 +17,10 @@ from pipeline.records import Results, SolverSettings
 from pipeline.report import render_report
 from pipeline.solver import solve
 from pipeline.stages import RunSummary
-from pipeline.stages.running.ledger import Ledger
-from pipeline.stages.running.run import run_poses, run_solve, run_track
+from pipeline.stages.running.ledger import writing
+from pipeline.stages.running.poses import run_poses
+from pipeline.stages.running.solve import run_solve
+from pipeline.stages.running.track import run_track
 from pipeline.synthetic import demo_scene, read_truth, write_flight
 
 BOARD = Board(cols=9, rows=6, square_m=0.025)
@@ -47,7 +49,8 @@ def run_demo(folder: Path, *, seed: int, progress: Progress = silent) -> DemoSum
         seconds |= summary.seconds
     with timed(seconds, "compare"):
         results = compare_with_truth(summary, folder)
-        Ledger(out).record("compare", "", {"report.html": render_report(results), "comparison.csv": table(results)})
+        with writing(out) as ledger:
+            ledger.record("compare", "", {"report.html": render_report(results), "comparison.csv": table(results)})
     return DemoSummary(flight=path, run=summary, results=results, seconds=seconds)
 
 

@@ -5,12 +5,12 @@ flies it on any number of processes with the same numbers, one measure holds eve
 Cramer-Rao bound, computed apart from the solver, stands beside every cell.
 """
 
-from pipeline.experiments.catalogue import EXPERIMENTS, experiment_named
-from pipeline.experiments.cluster import cluster
+from pipeline.experiments.paper.catalogue import EXPERIMENTS, experiment_named
 from pipeline.experiments.run import run_experiment, run_experiments, write_outcome
-from pipeline.experiments.runner import processes
-from pipeline.experiments.summary import Entry, Outcome
-from pipeline.experiments.verdict import sentence, verdict
+from pipeline.experiments.running.cluster import cluster
+from pipeline.experiments.running.runner import processes
+from pipeline.experiments.statistics.summary import Entry, Outcome
+from pipeline.experiments.statistics.verdict import sentence, verdict
 
 __all__ = [
     "EXPERIMENTS",

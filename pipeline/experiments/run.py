@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from calibration.foundation.errors import WriteError
-from pipeline.experiments.catalogue import experiment_named
-from pipeline.experiments.page import render_page
-from pipeline.experiments.runner import Progress, Workers, fly_all
-from pipeline.experiments.summary import Outcome
-from pipeline.experiments.tables import results_csv, runs_csv
+from pipeline.experiments.pages.page import render_page
+from pipeline.experiments.pages.tables import results_csv, runs_csv
+from pipeline.experiments.paper.catalogue import experiment_named
+from pipeline.experiments.running.runner import Progress, Workers, fly_all
+from pipeline.experiments.statistics.summary import Outcome
 
 
 def run_experiments(

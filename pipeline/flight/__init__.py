@@ -10,6 +10,7 @@ from pipeline.flight.settings import (
     SolveSettings,
     StillPose,
     TargetSettings,
+    VideoArea,
 )
 
 __all__ = [
@@ -21,5 +22,6 @@ __all__ = [
     "SolveSettings",
     "StillPose",
     "TargetSettings",
+    "VideoArea",
     "read_flight",
 ]

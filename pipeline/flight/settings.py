@@ -29,12 +29,29 @@ class StillPose:
 
 @dataclass(frozen=True, kw_only=True)
 class MountSettings:
-    """Camera to body: fixed FRD angles, or `gimbal`: read from the log."""
+    """Camera to body: fixed FRD angles, or `gimbal`: read from the log. `given`: the flight file says so."""
 
     yaw_rad: float = 0.0
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     gimbal: bool = False
+    given: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeoffSettings:
+    """How high the take-off place is, for logs that give heights above it: above the ellipsoid, or mean sea level."""
+
+    height_m: float
+    datum: Literal["ellipsoid", "msl"] = "ellipsoid"
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoArea:
+    """What a video shows of the calibrated picture: crop (x, y, width, height) of a picture of size `of`, pixels."""
+
+    crop: tuple[float, float, float, float]
+    of: tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,22 +59,28 @@ class CameraSettings:
     """One `[cameras.NAME]` table.
 
     Paths are absolute; `dialect` is a name or a path. `tracker` is the coarse tracker in `video`, where there are no
-    `tracks`. `sigma` holds only the keys that were given, in SI units.
+    `tracks`. `system` and `gimbal` pick one of several in a log. `mount_correction` turns the camera in its mount or
+    gimbal. `sigma` holds only the keys that were given, in SI units.
     """
 
     name: str
     calibration: Path
     video: Path | None = None
+    video_area: VideoArea | None = None
     tracks: Path | None = None
     tracker: TrackerName = "kcf"
     telemetry: Path | None = None
     dialect: str = ""
+    system: int | None = None
+    gimbal: int | None = None
+    takeoff: TakeoffSettings | None = None
     pose: StillPose | None = None
     start: float | str | None = None
     frame_rate: float | None = None
     offset_s: float | None = None
     clock: ClockKind = "auto"
     mount: MountSettings = MountSettings()
+    mount_correction: MountSettings = MountSettings()
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     sigma: Mapping[str, float] = field(default_factory=dict)
 

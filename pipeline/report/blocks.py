@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.records import Results
-from pipeline.report import cast
-from pipeline.report.markup import Html, joined, tag
+from pipeline.report.data import participants
+from pipeline.report.text.markup import Html, joined, tag
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,12 +51,12 @@ def _cells(row: Sequence[str], words: int) -> list[Html]:
 
 def swatch(results: Results, target: str) -> Html:
     """A target's name with its colour before it."""
-    return joined(tag("i", class_=f"swatch {cast.tone(results, target)}"), target)
+    return joined(tag("i", class_=f"swatch {participants.tone(results, target)}"), target)
 
 
 def target_legend(results: Results, *more: Html, only: Sequence[str] | None = None) -> Html:
     """Which colour is which target, and further keys."""
-    names = [t for t in cast.targets(results) if only is None or t in only]
+    names = [t for t in participants.targets(results) if only is None or t in only]
     keys = [tag("li", swatch(results, t)) for t in names] + [tag("li", m) for m in more]
     return tag("ul", *keys, class_="legend")
 

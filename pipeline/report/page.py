@@ -6,18 +6,18 @@ from importlib.resources import files
 
 from pipeline.records import Results
 from pipeline.report.blocks import Section, section
-from pipeline.report.camera_view import orientation
-from pipeline.report.clock_view import timing
-from pipeline.report.correlation_view import correlations
-from pipeline.report.map_view import map_figure
-from pipeline.report.markup import Html, joined, tag
-from pipeline.report.provenance_view import provenance
-from pipeline.report.residual_view import residual_figures
-from pipeline.report.space_view import space_section
-from pipeline.report.summary import header
-from pipeline.report.time_views import height_and_speed, uncertainty_figure
-from pipeline.report.timeline_view import targets_table, timeline_figure
-from pipeline.report.truth_view import truth_figures
+from pipeline.report.text.markup import Html, joined, tag
+from pipeline.report.views.cameras import orientation
+from pipeline.report.views.clocks import timing
+from pipeline.report.views.correlation import correlations
+from pipeline.report.views.over_time import height_and_speed, uncertainty_figure
+from pipeline.report.views.overhead_map import map_figure
+from pipeline.report.views.provenance import provenance
+from pipeline.report.views.residuals import residual_figures
+from pipeline.report.views.space import space_section
+from pipeline.report.views.summary import header
+from pipeline.report.views.timeline import targets_table, timeline_figure
+from pipeline.report.views.truth import truth_figures
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 

@@ -3,15 +3,20 @@
 Each stage is a function of the flight and of what came before; `run` chains them and resumes where it was stopped.
 """
 
+from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.log_paths import log_paths
 from pipeline.stages.inputs.sources import open_sources
 from pipeline.stages.inputs.tracks import read_tracks, track_camera
 from pipeline.stages.poses.measure import measure_poses
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import build_problem
-from pipeline.stages.problem.rays import read_models, sight_rays
+from pipeline.stages.problem.rays import sight_rays
+from pipeline.stages.running.flight import run_flight
+from pipeline.stages.running.poses import run_poses
 from pipeline.stages.running.results import gather_results
-from pipeline.stages.running.run import RunSummary, run_flight, run_poses, run_solve, run_track
+from pipeline.stages.running.solve import run_solve
+from pipeline.stages.running.summary import RunSummary
+from pipeline.stages.running.track import run_track
 
 __all__ = [
     "MeasuredPoses",

@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.telemetry.camera_pose import MAX_GAP_S
-from pipeline.telemetry.flight_log import FlightLog
-from pipeline.telemetry.gimbal_frames import FRAME_NAMES
-from pipeline.telemetry.missing import missing_attitude, missing_gimbal, missing_position
+from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
+from pipeline.telemetry.gimbals.frames import FRAME_NAMES
+from pipeline.telemetry.log.flight_log import FlightLog
+from pipeline.telemetry.log.missing import missing_attitude, missing_gimbal, missing_position
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +98,8 @@ def _missing(log: FlightLog) -> tuple[str, ...]:
 
 
 def _head(log: FlightLog) -> list[str]:
-    who = "" if log.system is None else f", system {log.system} component {log.component}"
+    who = "" if log.system is None else f", system {log.system}"
+    who += "" if log.component is None else f" component {log.component}"
     lines = [f"{log.path.name}: {log.format}, {sum(log.counts.values())} messages of {len(log.counts)} kinds{who}"]
     if log.corrupt_packets:
         lines.append(f"{log.corrupt_packets} corrupt packets or stretches, none of them used")

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from calibration.foundation.compiled import AVAILABLE
 from calibration.foundation.errors import InputFileError
-from pipeline.telemetry.compiled import COMPILED
-from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
-from pipeline.telemetry.dataflash_poses import dataflash_flight
-from pipeline.telemetry.dji_srt import read_dji_srt
-from pipeline.telemetry.excerpt import Excerpt, PieceReader, read_excerpts
-from pipeline.telemetry.excerpt_formats import dataflash_pieces, tlog_pieces
-from pipeline.telemetry.flight_log import FlightLog
-from pipeline.telemetry.mapped_file import mapped
-from pipeline.telemetry.mavlink_names import FIELDS
-from pipeline.telemetry.mavlink_poses import mavlink_flight
-from pipeline.telemetry.tables import Progress, RawLog
-from pipeline.telemetry.ulog import read_ulog
+from pipeline.telemetry.clocks.own_clock import with_clock_notes
+from pipeline.telemetry.dataflash.flight import dataflash_flight
+from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
+from pipeline.telemetry.excerpts.excerpt import Excerpt, PieceReader, read_excerpts
+from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
+from pipeline.telemetry.log.flight_log import FlightLog, LogFormat
+from pipeline.telemetry.log.mapped_file import mapped
+from pipeline.telemetry.log.tables import Progress, RawLog
+from pipeline.telemetry.log.validity import with_validity_notes
+from pipeline.telemetry.mavlink.flight import mavlink_flight
+from pipeline.telemetry.mavlink.packets.names import FIELDS
+from pipeline.telemetry.subtitles.dji import read_dji_srt
+from pipeline.telemetry.ulog.flight import read_ulog
 
 KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt"
-DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95", b"ULog"
+MAVLINK_NAMES: dict[str, LogFormat] = {".tlog": "tlog", ".mavlink": "mavlink", ".mav": "mavlink"}
+HEADS: dict[LogFormat, bytes] = {"ulog": b"ULog", "dataflash": b"\xa3\x95"}
+NAMES: dict[str, LogFormat] = {".ulg": "ulog", ".bin": "dataflash", ".srt": "dji srt", ".log": "dataflash text"}
 
 
 def read_log(
     path: Path,
     *,
     system: int | None = None,
+    gimbal: int | None = None,
     dialect: str = "",
     excerpts: tuple[Excerpt, ...] = (),
     progress: Progress = None,
@@ -34,28 +39,51 @@ def read_log(
 
     With `excerpts` at least they are in it whole, and of the rest a sample, where the format (`.tlog` by the fast
     reader, binary DataFlash) and the log (`read_excerpts`) allow; else everything is.
-    `system` picks one vehicle of a MAVLink link by its system id. `dialect` names a pymavlink dialect or a file of
+    `system` picks one vehicle of a MAVLink link by its system id, `gimbal` one gimbal of a vehicle: by its device or
+    component, in DataFlash and PX4 logs by its instance. `dialect` names a pymavlink dialect or a file of
     message definitions (.xml) for MAVLink; "" is ardupilotmega, with the common messages, by the fast reader.
     `progress` is called with the share done, 0 to 1.
 
     Raises InputFileError where the file is missing, of no known kind, or holds no vehicle, UsageError where there is no
     such dialect.
     """
-    kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:16])
-    reader = _piece_reader(path, kind, head, system, dialect) if excerpts else None
+    return with_validity_notes(with_clock_notes(_read(path, system, gimbal, dialect, excerpts, progress)))
+
+
+def _read(
+    path: Path, system: int | None, gimbal: int | None, dialect: str, excerpts: tuple[Excerpt, ...], progress: Progress
+) -> FlightLog:
+    kind = log_format(path)
+    reader = _piece_reader(path, kind, system, gimbal, dialect) if excerpts else None
     excerpt = None if reader is None else read_excerpts(reader, excerpts)
     if excerpt is not None:
         return excerpt
-    if kind in (".tlog", ".mavlink", ".mav"):
-        return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system)
-    if kind == ".ulg" or head.startswith(ULOG_HEAD):
-        return read_ulog(path, progress=progress)
-    if kind == ".bin" or head.startswith(DATAFLASH_HEAD):
-        return dataflash_flight(read_dataflash(path, progress=progress))
-    if kind == ".srt":
-        return read_dji_srt(path, progress=progress)
-    if kind == ".log":
-        return dataflash_flight(read_dataflash_text(path, progress=progress))
+    match kind:
+        case "tlog" | "mavlink":
+            return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system, gimbal=gimbal)
+        case "ulog":
+            return read_ulog(path, gimbal=gimbal, progress=progress)
+        case "dataflash":
+            return dataflash_flight(read_dataflash(path, progress=progress), gimbal=gimbal)
+        case "dataflash text":
+            return dataflash_flight(read_dataflash_text(path, progress=progress), gimbal=gimbal)
+        case "dji srt":
+            return read_dji_srt(path, progress=progress)
+
+
+def log_format(path: Path) -> LogFormat:
+    """What kind of log a file is: by its name where MAVLink's is meant, which begins with anything, else by its head.
+
+    Raises InputFileError where the file is missing, empty, or of no known kind.
+    """
+    kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:4])
+    if kind in MAVLINK_NAMES:
+        return MAVLINK_NAMES[kind]
+    for known, begin in HEADS.items():
+        if head.startswith(begin):
+            return known
+    if kind in NAMES:
+        return NAMES[kind]
     raise InputFileError(
         where=str(path),
         seen=f"a file named {kind or 'without ending'}",
@@ -64,21 +92,21 @@ def read_log(
     )
 
 
-def _piece_reader(path: Path, kind: str, head: bytes, system: int | None, dialect: str) -> PieceReader | None:
+def _piece_reader(
+    path: Path, kind: LogFormat, system: int | None, gimbal: int | None, dialect: str
+) -> PieceReader | None:
     """How the log is read in pieces; None where its format never is."""
-    if kind == ".tlog":
-        return tlog_pieces(path, system=system) if COMPILED and not dialect else None
-    if kind in (".mavlink", ".mav", ".ulg") or head.startswith(ULOG_HEAD):
-        return None
-    return dataflash_pieces(path) if kind == ".bin" or head.startswith(DATAFLASH_HEAD) else None
+    if kind == "tlog" and AVAILABLE and not dialect:
+        return tlog_pieces(path, system=system, gimbal=gimbal)
+    return dataflash_pieces(path, gimbal=gimbal) if kind == "dataflash" else None
 
 
 def read_mavlink(path: Path, *, dialect: str = "", progress: Progress = None) -> RawLog:
     """A MAVLink log, by the compiled reader where numba is installed, else, or in another dialect, by pymavlink's."""
-    if COMPILED and not dialect:  # imported here: neither is needed, nor quick to import, for other logs
-        from pipeline.telemetry.mavlink_fast import read_mavlink_fast
+    if AVAILABLE and not dialect:  # imported here: neither is needed, nor quick to import, for other logs
+        from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
 
         return read_mavlink_fast(path, fields=FIELDS, progress=progress)
-    from pipeline.telemetry.mavlink_plain import read_mavlink_plain
+    from pipeline.telemetry.mavlink.packets.plain import read_mavlink_plain
 
     return read_mavlink_plain(path, dialect=dialect, progress=progress)

@@ -10,7 +10,8 @@ import pytest
 from calibration import Board, read_camera
 from calibration.boards.charuco import charuco_board
 from pipeline.cli.main import main
-from tests.scenes.calibration import camera, poses, rendered_photos, true_corners
+from pipeline.synthetic.board_views import camera, poses, true_corners
+from tests.scenes.calibration import rendered_photos
 from tests.scenes.table_flight import write_table_flight
 
 

@@ -1,4 +1,4 @@
-"""Every command, exit code, setting and extra is in the README."""
+"""Every command, exit code, setting, output and extra is in the documentation, and the README stays short."""
 
 import re
 import tomllib
@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from calibration.foundation.errors import RunningFixError
 from pipeline.cli.parser import build_parser
 from pipeline.flight import read_flight
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text()
+DOCS = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def commands():
@@ -20,7 +22,7 @@ def commands():
 
 @pytest.mark.parametrize("name", commands())
 def test_every_command_is_documented(name):
-    assert f"`runningfix {name} " in README
+    assert f"`runningfix {name} " in DOCS["commands"]
 
 
 @pytest.mark.parametrize("name", commands())
@@ -30,14 +32,14 @@ def test_every_command_has_an_example_in_its_help(name):
 
 
 def test_the_documented_flight_file_is_read_whole(tmp_path):
-    text = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
+    text = re.search(r"```toml\n(.*?)```", DOCS["flight-file"], re.DOTALL)[1]
     path = tmp_path / "flight.toml"
     path.write_text(re.sub(r"^pose = .*\n", "", text, flags=re.MULTILINE))
     read_flight(path)
 
 
 def test_every_setting_is_in_the_documented_flight_file(tmp_path):
-    example = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
+    example = re.search(r"```toml\n(.*?)```", DOCS["flight-file"], re.DOTALL)[1]
     camera = '[cameras.uav1]\ncalibration = "a"\n'
     for table in ("flight", "cameras.uav1", "cameras.uav1.sigma", "targets.car1", "solve"):
         path = tmp_path / "flight.toml"
@@ -51,4 +53,37 @@ def test_every_setting_is_in_the_documented_flight_file(tmp_path):
 
 def test_every_extra_is_documented():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    assert not [name for name in extras if f"| `{name}` |" not in README]
+    assert not [name for name in extras if f"| `{name}` |" not in DOCS["install"]]
+
+
+def test_every_exit_code_is_documented():
+    codes = {error.exit_code for error in every_error(RunningFixError) if error is not RunningFixError} | {0, 7}
+    sentence = re.search(r"Exit codes: (.*?)\n\n", DOCS["commands"] + "\n\n", re.DOTALL)[1]
+    assert {int(code) for code in re.findall(r"\b(\d) [a-z]", sentence)} == codes
+
+
+def every_error(kind):
+    yield kind
+    for below in kind.__subclasses__():
+        yield from every_error(below)
+
+
+def test_the_readme_is_two_screens():
+    assert len(README.split()) < 1300
+
+
+@pytest.mark.parametrize(
+    "source", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+)
+def test_links_lead_somewhere(source):
+    links = re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", source.read_text(encoding="utf-8"))
+    assert not [link for link in links if not (source.parent / link).exists()]
+
+
+def test_the_places_that_the_architecture_names_exist():
+    places = re.findall(r"`((?:pipeline|calibration)/[\w/.]+)`", DOCS["architecture"])
+    assert len(places) > 20
+    assert not [place for place in places if not (ROOT / place).exists()]
+    drawn = re.findall(r"^    ((?:\w+/)+\w*(?:\.py)?)\s", DOCS["architecture"], re.MULTILINE)
+    assert len(drawn) > 20
+    assert not [place for place in drawn if not ((ROOT / place).exists() or (ROOT / "pipeline" / place).exists())]

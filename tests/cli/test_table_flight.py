@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from pipeline.cli.main import main
-from scripts.check_resume import contents, differences
+from scripts.validation.check_resume import contents, differences
 from tests.scenes.table_flight import write_table_flight
 
 

@@ -72,7 +72,7 @@ def test_frame_poses_are_written_measured_and_refined(solved):
 
 def test_the_scripts_over_the_python_api(solved, tmp_path):
     def script(name, *arguments):
-        command = [sys.executable, str(ROOT / "scripts" / name), *map(str, arguments)]
+        command = [sys.executable, str(ROOT / "scripts/examples" / name), *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
         assert done.returncode == 0, done.stderr
         return done.stdout

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.telemetry import AttitudeSeries, FlightLog, GimbalSeries, PositionSeries
-from pipeline.telemetry.dataflash_layout import LETTERS
+from pipeline.telemetry.dataflash.messages.layout import LETTERS
 
 RECORD_EPOCH_S = 1_700_000_000.0
 BOOT_UTC_S = 1_699_999_000.0

@@ -6,13 +6,13 @@ Block by block, local power series turn into coefficients and local columns into
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment import _kernels
+from pipeline.solver.adjustment import _assembly, _kernels
 from pipeline.solver.adjustment.banded_system import Bordered
 from pipeline.solver.adjustment.elimination import At, BlockNormals, block_normals, frame_steps
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
@@ -20,7 +20,8 @@ from pipeline.solver.observation.clocks import FOCAL, common_time_s
 from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks, partition
 from pipeline.solver.observation.pose_wander import wander_penalty
 
-CHUNK_BLOCKS = 1024
+CHUNK_BLOCKS = 4096
+"""Blocks whose normal equations are held at once; one of four targets with splines takes 28 kB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,14 +76,34 @@ def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[
 
 
 def linear(model: Model, state: State) -> Linear:
-    """Normal equations and cost at `state`: one pass over the frames."""
+    """Normal equations and cost at `state`: one pass over the frames, some blocks at a time to bound the memory."""
     blocks, at = blocks_at(model, state)
-    normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
-    system, prior_cost = add_priors(model, state, assemble(model, blocks, normals))
+    count = len(blocks.camera)
+    ranges = [(low, min(low + CHUNK_BLOCKS, count)) for low in range(0, count, CHUNK_BLOCKS)]
+    whole, cost, gain, kept = None, 0.0, 0.0, None
+    for low, high in ranges:
+        part, at_part = part_of(blocks, at, low, high)
+        normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=len(ranges) == 1)
+        system = assemble(model, part, normals)
+        whole = system if whole is None else whole.plus(system)
+        cost, gain, kept = cost + normals.cost, gain + normals.frame_gain, normals.kept
+    assert whole is not None
+    system, prior_cost = add_priors(model, state, whole)
     return Linear(
-        model=model, state=state, system=system, cost=normals.cost + prior_cost, frame_gain=normals.frame_gain,
-        kept=normals.kept, found=(blocks, at),
+        model=model, state=state, system=system, cost=cost + prior_cost, frame_gain=gain, kept=kept,
+        found=(blocks, at),
     )  # fmt: skip
+
+
+def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
+    """Blocks `low` to `high` alone; frames keep their numbers."""
+    own = slice(low, high)
+    part = replace(
+        blocks, begin=blocks.begin[low : high + 1], camera=blocks.camera[own], span=blocks.span[own],
+        segment=blocks.segment[own], cluster=blocks.cluster[own], half_s=blocks.half_s[own],
+        local_from_camera=blocks.local_from_camera[own],
+    )  # fmt: skip
+    return part, replace(at, series=at.series[own])
 
 
 def global_places(model: Model, blocks: Blocks) -> Ints:
@@ -126,7 +147,7 @@ def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
     if not _kernels.AVAILABLE or blocks.local_from_camera.shape[1] > LOCAL_COLUMNS:
         return assemble_plain(model, blocks, normals)
     order, basis = model.order, model.basis
-    band, border, corner, gradient = _kernels.assemble(
+    band, border, corner, gradient = _assembly.assemble(
         normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
         global_places(model, blocks), order.n_band, order.n_border, order.width,
     )  # fmt: skip

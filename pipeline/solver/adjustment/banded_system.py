@@ -10,11 +10,18 @@ ever formed; what is needed of the inverse is a band of its blocks, by the recur
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
 from calibration.foundation.arrays import Floats
+
+Complexes = npt.NDArray[np.complex128]
+T = TypeVar("T", Floats, Complexes)
+COMPLEX_STEP = 1e-30
+"""So short that its square is nothing beside one; no length of it is better than another."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +42,15 @@ class Bordered:
     def diagonal(self) -> Floats:
         """(n + q,)."""
         return np.concatenate([self.band[0], np.diagonal(self.corner)])
+
+    def plus(self, other: Bordered) -> Bordered:
+        """The sum of two systems of the same unknowns, in the memory of this one."""
+        for mine, theirs in zip(
+            (self.band, self.border, self.corner, self.gradient),
+            (other.band, other.border, other.corner, other.gradient), strict=True,
+        ):  # fmt: skip
+            mine += theirs
+        return self
 
     def times(self, x: Floats) -> Floats:
         """The matrix times x (n + q,) or (n + q, k)."""
@@ -124,15 +140,15 @@ def factorise(system: Bordered) -> Factor | None:
     return Factor(band=band, eliminated=eliminated, border=system.border, corner=corner)
 
 
-def band_of_inverse(lower: Floats) -> Floats:
+def band_of_inverse(lower: T) -> T:
     """Band (w + 1, n) of K^-1, lower form, from the banded Cholesky factor `lower` of K (Takahashi's recursion).
 
     With K = L D L', K^-1 = D^-1 L^-1 + (I - L') K^-1, so column j of the band follows from the columns after it.
     """
     width, n = lower.shape[0] - 1, lower.shape[1]
-    out = np.zeros((width + 1, n))
+    out = np.zeros_like(lower)
     unit = lower[1:] / lower[0]
-    window = np.zeros((width, width))
+    window = np.zeros((width, width), dtype=lower.dtype)
     for j in range(n - 1, -1, -1):
         m = min(width, n - 1 - j)
         below = unit[:m, j]
@@ -145,3 +161,33 @@ def band_of_inverse(lower: Floats) -> Floats:
             keep = min(m, width - 1)
             window[0, 1 : keep + 1] = window[1 : keep + 1, 0] = column[:keep]
     return out
+
+
+def _complex_cholesky(band: Complexes) -> Complexes:
+    """L (w + 1, n), lower form, with L L' = K; no conjugate is taken, the imaginary part being a direction."""
+    width, n = band.shape[0] - 1, band.shape[1]
+    out = np.zeros_like(band)
+    padded = np.zeros((width + 1, n + width + 1), dtype=complex)
+    padded[:, :n], padded[0, n:] = band, 1.0
+    offset = np.arange(width + 1)
+    high, low = np.maximum(offset[:, None], offset), np.minimum(offset[:, None], offset)
+    window = padded[high - low, low]
+    for j in range(n):
+        column = window[:, 0] / np.sqrt(window[0, 0])
+        out[:, j] = column
+        window[:-1, :-1] = window[1:, 1:] - np.multiply.outer(column[1:], column[1:])
+        window[-1] = window[:, -1] = padded[width - offset, j + 1 + offset]
+    return out
+
+
+def band_of_sandwich(band: Floats, meat: Floats) -> Floats:
+    """Band (w + 1, n), w the wider one's, of K^-1 M K^-1 from the bands of K and M, in memory linear in n.
+
+    It is minus the derivative of (K + h M)^-1 by h, taken by a complex step (Squire and Trapp, SIAM Review 40, 1998):
+    exact, since nothing is subtracted.
+    """
+    width = max(len(band), len(meat))
+    both = np.zeros((width, band.shape[1]), dtype=complex)
+    both[: len(band)] = band
+    both[: len(meat)] += 1j * COMPLEX_STEP * meat
+    return np.asarray(-band_of_inverse(_complex_cholesky(both)).imag / COMPLEX_STEP)

@@ -15,14 +15,13 @@ than one block. This file is the plain numpy form; `_kernels.py` computes the sa
 from __future__ import annotations
 
 import mmap
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment import _kernels
+from pipeline.solver.adjustment._kernels import Loosely, Observed, Point, Runs
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS
 from pipeline.solver.observation.frame_blocks import Blocks
 from pipeline.solver.observation.observations import Frames
@@ -34,6 +33,8 @@ KEPT_NUMBERS, LARGE_PAGES = 25_000_000, 8_000_000
 POPULATE_WRITE = 23
 """MADV_POPULATE_WRITE of Linux, which Python's mmap does not name."""
 NONE, HUBER, CAUCHY = 0, 1, 2
+ANY = 1 << 62
+NO_RATE: Floats = np.zeros((0, 6))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,16 +238,21 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
     return out
 
 
-def block_normals(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
-    """See the head of this file; compiled where numba is installed."""
+def block_normals(
+    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, keep: bool = True
+) -> BlockNormals:
+    """See the head of this file; compiled where numba is installed. `keep` what the frames' steps need, if it fits."""
     if not _kernels.AVAILABLE:
         return block_normals_plain(frames, pose, loss, at, blocks)
-    compiled: Callable[..., Any] = _kernels.block_normals
-    kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free else 0)
-    keep = len(kept) > 0
-    given, where = _kernel_arguments(frames, pose, loss, at, blocks)
-    normal, gradient, cost, gain = compiled(*given, *_place_arguments(frames, at), *where, keep, kept)
-    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if keep else None)
+    kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free and keep else 0)
+    normal, gradient, cost, gain = _kernels.block_normals(
+        observed_of(frames, at.placed),
+        loosely_of(_by_block(pose, blocks), loss),
+        _runs(blocks),
+        _point(frames, at, blocks),
+        kept,
+    )
+    return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if len(kept) else None)
 
 
 def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
@@ -254,8 +260,7 @@ def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
 
     NumPy asks for large pages, which are quick to touch unless a virtual machine has to fetch each from outside.
     """
-    of: Callable[..., tuple[int, int, int]] = _kernels.kept_shape
-    chunks, rows, lanes = of(begin, len(frames.targets), frames.pose_rate is not None, placed)
+    chunks, rows, lanes = _kernels.kept_shape(begin, len(frames.targets), frames.pose_rate is not None, placed)
     if chunks * rows * lanes > most:
         chunks = 0
     shape = (chunks, rows, lanes)
@@ -269,8 +274,7 @@ def _in_small_pages(shape: tuple[int, int, int]) -> Floats:
         memory.madvise(mmap.MADV_NOHUGEPAGE)
         memory.madvise(POPULATE_WRITE)
     except (AttributeError, OSError):
-        plain: Callable[..., Floats] = _kernels.room
-        return plain(*shape)
+        return np.asarray(_kernels.room(*shape))
     return np.frombuffer(memory).reshape(shape)
 
 
@@ -280,42 +284,61 @@ def frame_steps(
     """du (F, 6) that belongs to the local step (B, L); quicker from what `block_normals` `kept` at the same point."""
     if not pose.free:
         return np.zeros((frames.count, 6))
-    placed = at.placed
-    if not _kernels.AVAILABLE or (placed and kept is None):
+    if not _kernels.AVAILABLE:
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
+    pose = _by_block(pose, blocks)
+    observed, weights = observed_of(frames, at.placed), loosely_of(pose, loss)
+    point, runs = _point(frames, at, blocks), _runs(blocks)
+    rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
     if kept is not None:
-        quick: Callable[..., None] = _kernels.kept_steps
-        rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
-        _, where = _kernel_arguments(frames, pose, loss, at, blocks)
-        quick(kept, rated, placed, pose.spread[blocks.camera], *where, at.series, step, out, out)
+        _kernels.kept_steps(kept, rated, at.placed, pose.spread, runs, at.series, step, out, out)
         return out
-    compiled: Callable[..., Floats] = _kernels.frame_steps
-    given, where = _kernel_arguments(frames, pose, loss, at, blocks)
-    return compiled(*given, *where, step)
+    for low, high in _chunks(blocks):
+        part = Runs(runs.begin[low : high + 1], runs.camera[low:high], runs.u, runs.half_s[low:high])
+        own = kept_room(frames, part.begin, at.placed, ANY)
+        series = at.series[low:high]
+        _kernels.block_normals(observed, weights, part, point._replace(series=series), own)
+        _kernels.kept_steps(own, rated, at.placed, pose.spread, part, series, step[low:high], out, out)
+    return out
 
 
-def _kernel_arguments(
-    frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks
-) -> tuple[tuple[object, ...], tuple[object, ...]]:
-    """What is seen and the point; where the blocks are. To the kernels every block is a camera of its own."""
-    rate = frames.pose_rate if frames.pose_rate is not None else np.zeros((1, 6))
-    given = (
-        frames.cam_from_enu, frames.position_m, rate, frames.pose_rate is not None,
-        frames.ray, frames.gain, frames.focal_effect, frames.seen, frames.angular,
-        pose.spread[blocks.camera], pose.prior[blocks.camera], pose.damping, loss.kind, loss.bend,
-        at.series, at.bias, at.focal[blocks.camera], at.own,
+def squared_lengths(frames: Frames, pose: PoseError, at: At, blocks: Blocks) -> Floats:
+    """(F, N) squared residuals in sigmas, whatever the loss; zero where unseen. Compiled only."""
+    out = np.empty(frames.seen.shape)
+    point, spread = _point(frames, at, blocks), pose.spread[blocks.camera]
+    _kernels.squared_lengths(observed_of(frames, at.placed), spread, _runs(blocks), point, out)
+    return out
+
+
+def observed_of(frames: Frames, placed: bool) -> Observed:
+    """What is seen, as the compiled code wants it."""
+    return Observed(
+        frames.cam_from_enu, frames.position_m, NO_RATE if frames.pose_rate is None else frames.pose_rate, frames.ray,
+        frames.gain, frames.focal_effect, frames.seen, frames.place_gain if placed else frames.place_gain[:0],
+        frames.angular,
     )  # fmt: skip
-    return given, (blocks.begin, np.arange(len(blocks.camera)), blocks.u, blocks.half_s)
 
 
-def _place_arguments(frames: Frames, at: At) -> tuple[Floats, Floats]:
-    """Shifts of the residuals (F, N, 2) and the worth of a pixel of place error (F, N); no frames where there are none.
+def loosely_of(pose: PoseError, loss: Loss) -> Loosely:
+    """Pose errors and loss, as the compiled code wants them."""
+    return Loosely(pose.spread, pose.prior, float(pose.damping), loss.kind, float(loss.bend))
 
-    Metric residuals are not shifted.
-    """
-    n = len(frames.targets)
+
+def _by_block(pose: PoseError, blocks: Blocks) -> PoseError:
+    """To the compiled code every block is a camera of its own, since pose errors may differ from block to block."""
+    return PoseError(spread=pose.spread[blocks.camera], prior=pose.prior[blocks.camera], damping=pose.damping)
+
+
+def _runs(blocks: Blocks) -> Runs:
+    return Runs(blocks.begin, np.arange(len(blocks.camera)), blocks.u, blocks.half_s)
+
+
+def _point(frames: Frames, at: At, blocks: Blocks) -> Point:
+    """Metric residuals are not shifted by place errors."""
     if not at.placed:
-        return np.zeros((0, n, 2)), np.zeros((0, n))
-    if not frames.angular:
-        return np.zeros((frames.count, n, 2)), frames.place_gain
-    return place_shift(frames, slice(None), at.camera), frames.place_gain
+        shift = np.zeros((0, len(frames.targets), 2))
+    elif frames.angular:
+        shift = place_shift(frames, slice(None), at.camera)
+    else:
+        shift = np.zeros((frames.count, len(frames.targets), 2))
+    return Point(at.series, at.bias, at.focal[blocks.camera], at.own, shift)

@@ -8,20 +8,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
+from calibration.foundation.arrays import Floats
 from pipeline.records import SolveStatus
 from pipeline.solver.adjustment import compiled_descent
-from pipeline.solver.adjustment._descent import FIRST_DAMPING, NEARLY_FULL
 from pipeline.solver.adjustment.assembly import Linear, linear, moved
-from pipeline.solver.adjustment.banded_system import Bordered, factorise
+from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.compiled_descent import is_dense
+from pipeline.solver.adjustment.log_poses import Renew
 from pipeline.solver.adjustment.model import Model, State
 
 SMALL = 1e-9
-"""Relative change of the cost that ends the iteration."""
+"""Relative change of the cost that ends the iteration. Twice as much ends it a step earlier at most; 1e-9 of a cost of
+1e4 is a thousandth of a sigma."""
+FIRST_DAMPING, NEARLY_FULL = 1e-7, 1e-4
+"""Relative. Every iteration keeps a share of the error that grows with damping and condition (1e-4 costs some two more
+iterations); a step damped by no more than `NEARLY_FULL` is as good as the full one when it says that nothing is to
+gain."""
+SMALLEST_DAMPING, GREATEST_DAMPING = 1e-15, 1e12
+"""Relative: rounding of the matrix itself; where steps have become so short that there is no way on."""
 Progress = Callable[[int, float], None]
 
 
@@ -55,68 +63,105 @@ class Descent:
     max_iterations: int = 100
     damping: float = FIRST_DAMPING
     progress: Progress | None = None
-    renew: Callable[[Model, State], Model] | None = None
+    renew: Renew | None = None
+
+
+class Point(Protocol):
+    """An adjustment linearised at a point, whose frames' own errors follow every step in closed form."""
+
+    @property
+    def cost(self) -> float:
+        """Half the robust chi-square, priors included."""
+        ...
+
+    def step(self, damping: float) -> tuple[Floats, float] | None:
+        """The step (n + q,) at a relative damping and what it is foretold to take off the cost; None: not positive."""
+        ...
+
+    def tried(self, step: Floats, renew: Renew | None) -> Point:
+        """The adjustment linearised a step away, with its data renewed there."""
+        ...
+
+    def linear(self) -> Linear:
+        """The normal equations there."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AnyPoint:
+    """A `Point` of any model, from its banded normal equations."""
+
+    here: Linear
+
+    @property
+    def cost(self) -> float:
+        """See `Point`."""
+        return self.here.cost
+
+    def step(self, damping: float) -> tuple[Floats, float] | None:
+        """See `Point`."""
+        system = self.here.system
+        diagonal = np.maximum(system.diagonal, 1e-12 * max(1e-300, float(system.diagonal.max(initial=0))))
+        factor = factorise(system.damped(damping * diagonal))
+        if factor is None:
+            return None
+        step = -factor.solve(system.gradient)
+        return step, 0.5 * float(step @ (damping * diagonal * step - system.gradient)) + self.here.frame_gain
+
+    def tried(self, step: Floats, renew: Renew | None) -> AnyPoint:
+        """See `Point`."""
+        model, state = self.here.model, moved(self.here.model, self.here, step)
+        return AnyPoint(here=linear(model if renew is None else renew(model, state), state))
+
+    def linear(self) -> Linear:
+        """See `Point`."""
+        return self.here
 
 
 def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
     """Minimise from `start`, until a step takes less than the share `small` off the cost."""
-    if descent.renew is None and is_dense(model):
-        return _compiled(model, start, descent, small)
-    return levenberg_marquardt_plain(model, start, descent, small=small)
-
-
-def _compiled(model: Model, start: State, descent: Descent, small: float) -> Fit:
-    """The same path in one compiled call."""
-    return ended(model, descent, compiled_descent.descend(model, start, descent.max_iterations, small, descent.damping))
-
-
-def ended(model: Model, descent: Descent, found: tuple[Any, ...]) -> Fit:
-    """The fit that a compiled descent found."""
-    status, iterations, state, corner, gradient, cost, gain, history = found
-    if descent.progress is not None:
-        for count, reached in enumerate(history, start=1):
-            descent.progress(count, float(reached))
-    empty = np.empty((1, 0)), np.empty((0, len(gradient)))
-    system = Bordered(band=empty[0], border=empty[1], corner=corner, gradient=gradient)
-    here = Linear(model=model, state=state, system=system, cost=cost, frame_gain=gain)
-    return Fit(model=model, linear=here, status=status, iterations=iterations)
+    if descent.renew is not None:
+        model = descent.renew(model, start)
+    if is_dense(model):
+        return _descended(compiled_descent.linearised(model, start), descent, small)
+    return _descended(AnyPoint(here=linear(model, start)), descent, small)
 
 
 def levenberg_marquardt_plain(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
-    """The loop itself, for every model; see `levenberg_marquardt`."""
-    renew, progress, max_iterations = descent.renew, descent.progress, descent.max_iterations
-    if renew is not None:
-        model = renew(model, start)
-    here = linear(model, start)
+    """The same by the normal equations that every model has."""
+    if descent.renew is not None:
+        model = descent.renew(model, start)
+    return _descended(AnyPoint(here=linear(model, start)), descent, small)
+
+
+def _descended(here: Point, descent: Descent, small: float) -> Fit:
+    """The iteration itself."""
     damping, growth = descent.damping, 2.0
-    for iteration in range(1, max_iterations + 1):
-        diagonal = np.maximum(here.system.diagonal, 1e-12 * max(1e-300, float(here.system.diagonal.max(initial=0))))
-        factor = factorise(here.system.damped(damping * diagonal))
-        gain = -np.inf
-        if factor is not None:
-            step = -factor.solve(here.system.gradient)
-            foretold = 0.5 * float(step @ (damping * diagonal * step - here.system.gradient)) + here.frame_gain
+    for iteration in range(1, descent.max_iterations + 1):
+        found = here.step(damping)
+        if found is not None:
+            step, foretold = found
             if foretold <= small * here.cost and damping <= NEARLY_FULL:
-                return Fit(model=model, linear=here, status="converged", iterations=iteration)
-            trial_model, trial = model, moved(model, here, step)
-            if renew is not None:
-                trial_model = renew(model, trial)
-            there = linear(trial_model, trial)
-            gain = (here.cost - there.cost) / max(foretold, 1e-300)
-            if progress is not None:
-                progress(iteration, min(here.cost, there.cost))
-            if not np.isfinite(there.cost):
-                gain = -np.inf
-            if gain > 0:
+                return _fit(here, "converged", iteration)
+            there = here.tried(step, descent.renew)
+            if descent.progress is not None:
+                descent.progress(iteration, min(here.cost, there.cost))
+            ratio = (here.cost - there.cost) / max(foretold, 1e-300)
+            if np.isfinite(there.cost) and ratio > 0:
                 done = abs(here.cost - there.cost) <= small * here.cost
-                model, here = trial_model, there
+                here = there
                 if done:
-                    return Fit(model=model, linear=here, status="converged", iterations=iteration)
-                damping, growth = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-15), 2.0
+                    return _fit(here, "converged", iteration)
+                damping, growth = max(damping * max(1 / 3, 1 - (2 * ratio - 1) ** 3), SMALLEST_DAMPING), 2.0
                 continue
             if foretold <= small * here.cost:
-                return Fit(model=model, linear=here, status="converged", iterations=iteration)
+                return _fit(here, "converged", iteration)
         damping, growth = damping * growth, growth * 2
-        if damping > 1e12:
-            return Fit(model=model, linear=here, status="stalled", iterations=iteration)
-    return Fit(model=model, linear=here, status="iteration-limit", iterations=max_iterations)
+        if damping > GREATEST_DAMPING:
+            return _fit(here, "stalled", iteration)
+    return _fit(here, "iteration-limit", descent.max_iterations)
+
+
+def _fit(here: Point, status: SolveStatus, iterations: int) -> Fit:
+    found = here.linear()
+    return Fit(model=found.model, linear=found, status=status, iterations=iterations)

@@ -19,12 +19,14 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats
+from calibration.foundation.compiled import AVAILABLE, compiled
 from calibration.foundation.errors import RunningFixError
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack, Problem
+from pipeline.solver.adjustment._lanes import turn as rotated
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import SCALE, START, shift_from_given_s
-from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.observations import Frames, with_poses_of
 
 STEP_S = 0.5
 """Half the time over which a rate of change is taken."""
@@ -48,6 +50,7 @@ def renewing(problem: Problem) -> Renew | None:
     """A function (model, state) -> the model with its poses at the state's log times; None: no poses come from logs."""
     if all(camera.poses_at is None for camera in problem.cameras):
         return None
+    read: dict[tuple[int, tuple[int, ...]], tuple[Frames, Frames]] = {}
 
     def renew(model: Model, state: State) -> Model:
         cameras = movable(problem, model)
@@ -55,33 +58,72 @@ def renewing(problem: Problem) -> Renew | None:
             return model
         frames = model.frames
         shift = shift_from_given_s(frames, model.drift, state.camera, state.deviation)
-        shift = shift + state.camera[frames.camera, START]
-        return replace(model, frames=moved(problem, frames, shift, cameras))
+        shift += state.camera[frames.camera, START]
+        if frames.pose_rate is not None:
+            return replace(model, frames=moved(problem, frames, shift, cameras))
+        key = id(frames.cam_from_enu), cameras  # the log is read once for all descents that begin at the same poses
+        if key not in read:
+            read[key] = frames, moved(problem, frames, shift, cameras)
+        return replace(model, frames=moved(problem, with_poses_of(frames, read[key][1]), shift, cameras))
 
     return renew
 
 
 def moved(problem: Problem, frames: Frames, shift_s: Floats, cameras: tuple[int, ...]) -> Frames:
     """The frames with the poses of `cameras` at log times moved by `shift_s` (F,), and their rates of change."""
-    rate = np.zeros((frames.count, 6)) if frames.pose_rate is None else frames.pose_rate.copy()
-    turn, place, now = frames.cam_from_enu.copy(), frames.position_m.copy(), frames.pose_shift_s.copy()
-    taken = frames.pose_taken_s.copy()
+    rate = np.zeros((frames.count, 6)) if frames.pose_rate is None else frames.pose_rate
+    turn, position, now, taken = frames.cam_from_enu, frames.position_m, frames.pose_shift_s, frames.pose_taken_s
+    fresh = False
     for c in cameras:
         part = frames.of(c)
-        known = frames.pose_rate is not None and rate[part].any()
+        known = frames.pose_rate is not None and bool(rate[part].any())
         if known and np.abs(shift_s[part] - now[part]).max(initial=0.0) < STILL_S:
             continue
-        carried = known and np.abs(shift_s[part] - taken[part]).max(initial=0.0) < CARRIED_S
+        if not fresh:
+            turn, position, rate, now, taken = (a.copy() for a in (turn, position, rate, now, taken))
+            fresh = True
+        carried = known and bool(np.abs(shift_s[part] - taken[part]).max(initial=0.0) < CARRIED_S)
         try:
             if not carried:
-                turn[part], place[part], rate[part] = _at(problem, c, shift_s[part])
+                turn[part], position[part], rate[part] = _at(problem, c, shift_s[part])
                 taken[part] = shift_s[part]
         except RunningFixError:  # beyond the log's ends: go on as fast as at the last place that could be had
             carried = True
-        if carried:
-            turn[part], place[part] = _carried(frames, part, shift_s[part] - now[part])
+        if carried and frames.pose_rate is not None:
+            carry(rate[part], shift_s[part] - now[part], turn[part], position[part])
         now[part] = shift_s[part]
-    return replace(frames, cam_from_enu=turn, position_m=place, pose_rate=rate, pose_shift_s=now, pose_taken_s=taken)
+    if not fresh and frames.pose_rate is not None:
+        return frames
+    return replace(frames, cam_from_enu=turn, position_m=position, pose_rate=rate, pose_shift_s=now, pose_taken_s=taken)
+
+
+def carry_plain(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
+    """Moves cam_from_enu (n, 3, 3) and positions (n, 3) on by `seconds` (n,) at their rates (n, 6), in place."""
+    step = rate * seconds[:, None]
+    turn[:] = rotation.matrix(rotation.exp(step[:, :3])) @ turn
+    position += step[:, 3:]
+
+
+@compiled
+def _carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
+    """Twin of `carry_plain`."""
+    w, turned = np.zeros(3), np.zeros((3, 3))
+    for f in range(len(seconds)):
+        for i in range(len(w)):
+            w[i] = rate[f, i] * seconds[f]
+            position[f, i] += rate[f, 3 + i] * seconds[f]
+        rotated(w, turn[f], turned)
+        for i in range(len(w)):
+            for j in range(len(w)):
+                turn[f, i, j] = turned[i, j]
+
+
+def carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
+    """`carry_plain`, compiled where numba is installed."""
+    if AVAILABLE:
+        _carry(rate, seconds, turn, position)
+    else:
+        carry_plain(rate, seconds, turn, position)
 
 
 def _at(problem: Problem, c: int, shift_s: Floats) -> tuple[Floats, Floats, Floats]:
@@ -103,11 +145,3 @@ def _rate(later: PoseTrack, earlier: PoseTrack, seconds: float) -> Floats:
     turned = rotation.multiply(rotation.conjugate(later.enu_from_cam), earlier.enu_from_cam)
     moved_m = later.position_enu_m - earlier.position_enu_m
     return np.concatenate([rotation.log(turned), moved_m], axis=1) / seconds
-
-
-def _carried(frames: Frames, part: slice, seconds: Floats) -> tuple[Floats, Floats]:
-    if frames.pose_rate is None:
-        return frames.cam_from_enu[part], frames.position_m[part]
-    step = frames.pose_rate[part] * seconds[:, None]
-    turn = rotation.matrix(rotation.exp(step[:, :3]))
-    return turn @ frames.cam_from_enu[part], frames.position_m[part] + step[:, 3:]

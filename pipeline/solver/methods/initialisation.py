@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.compiled import AVAILABLE
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment import compiled_descent
-from pipeline.solver.adjustment.compiled_descent import Stages
-from pipeline.solver.adjustment.elimination import HUBER, NONE, Loss
-from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, ended, levenberg_marquardt
+from pipeline.solver.adjustment.assembly import blocks_at
+from pipeline.solver.adjustment.elimination import HUBER, NONE, Loss, squared_lengths
+from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, levenberg_marquardt
 from pipeline.solver.adjustment.model import Model, State, residuals_of
 from pipeline.solver.methods.intersection import intersect, intersect_weighted
 from pipeline.solver.methods.parameters import MotionChoice, first_camera, first_model, given_offsets
@@ -24,6 +25,18 @@ TRIED = 3
 """Offset candidates that are given a short adjustment each."""
 TRIAL = 25
 """Iterations of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stages:
+    """Of a graduated loss: how many, iterations of each at most, what ends one, median residuals at which it bends."""
+
+    count: int
+    short: int
+    coarse: float
+    far: float
+
+
 STAGES = Stages(count=4, short=8, coarse=1e-2, far=2.5)
 MARGIN, SAME_S = 0.3, 0.1
 """Share by which the search's cost may be worse for a candidate to be tried; clocks nearer than this are the same."""
@@ -110,14 +123,6 @@ def graduated(model: Model, state: State, descent: Descent, small: float = SMALL
 
     Each stage bends at `STAGES.far` times the median residual that it finds, until that is nearly the loss' own bend.
     """
-    if descent.renew is None and compiled_descent.is_dense(model):
-        found = compiled_descent.graduated(model, state, descent.max_iterations, small, descent.damping, STAGES)
-        return ended(model, descent, found)
-    return graduated_plain(model, state, descent, small)
-
-
-def graduated_plain(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:
-    """The stages themselves, for every model; see `graduated`."""
     wanted, done = model.loss, 0
     for _ in range(STAGES.count if wanted.kind != NONE else 0):
         bend = STAGES.far * float(np.median(residual_lengths(model, state)))
@@ -201,6 +206,11 @@ def left_out(whole: Frames, frames: Frames) -> tuple[Finding, ...]:
 
 def residual_lengths(model: Model, state: State) -> Floats:
     """(m,) length of every sighting's residual in sigmas."""
+    if compiled_descent.is_dense(model):
+        return np.asarray(np.sqrt(compiled_descent.squared_lengths(model, state)[model.frames.seen]))
+    if AVAILABLE:
+        blocks, at = blocks_at(model, state)
+        return np.asarray(np.sqrt(squared_lengths(model.frames, model.pose, at, blocks)[model.frames.seen]))
     return np.asarray(np.linalg.norm(residuals(model, state)[model.frames.seen], axis=-1))
 
 

@@ -137,7 +137,8 @@ def outcome(found: Adjusted) -> Outcome:
     factor, plain, robust = factorise(fit.linear.system), None, None
     if factor is not None:
         plain = Inverse(factor=factor)
-        robust = sandwich(fit.model, fit.state, plain, clusters(fit.model, fit.state, residuals(fit.model, fit.state)))
+        cluster = clusters(fit.model, fit.state, residuals(fit.model, fit.state))
+        robust = sandwich(fit.model, fit.state, plain, fit.linear.system, cluster)
     return Outcome(
         model=fit.model, observed=fit.model.frames, state=fit.state, status=fit.status,
         iterations=fit.iterations, cost=fit.cost,

@@ -35,8 +35,9 @@ HIGHEST, TRIED, PROJECTED = 5, 7, 16
 """Highest order taken; order from which orders are lowered; Legendre degree to which a spline's path is looked at."""
 CHANCE, SCREENED = 0.01, 1e-4
 """Chance at which a true order would be rejected, and a target be left a spline without trying."""
-MOST_LONE = 2
-"""Highest order of a target that one camera alone sees; more it cannot tell from its own flight."""
+MOST_LONE, DEAR = 2, 40.0
+"""Highest order of a target that one camera alone sees: more it cannot tell from its own flight; and what an order must
+take off chi-square, since along its rays such a target moves for nothing."""
 Descend = Callable[[Model, State], Fit]
 
 
@@ -92,7 +93,7 @@ def _raised(choice: MotionChoice, fit: Fit, lone: Sequence[int], descend: Descen
                 wanted = {n: choice.orders[n] + 1}
                 trials.append((with_orders(choice, wanted), _adjusted(choice, fit, wanted, descend)))
         best = min(trials, key=lambda trial: trial[1].cost, default=None)
-        if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < chi2.isf(CHANCE / 10, 3):
+        if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < DEAR:
             return choice, fit
         choice, fit = best
 

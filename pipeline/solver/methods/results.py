@@ -126,17 +126,17 @@ def _motions(model: Model, state: State, covariance: Covariance | None, time: Fl
 
 def _clock(problem: Problem, model: Model, state: State, covariance: Covariance | None, c: int) -> Clock:
     nominal = problem.cameras[c].frame_rate
-    stretch = 1 + state.camera[c, SCALE]
-    offset_sigma, stretch_sigma = _sigma(covariance, model.order.camera[c, [OFFSET, SCALE]])
+    scale = 1 + state.camera[c, SCALE]
+    offset_sigma, scale_sigma = _sigma(covariance, model.order.camera[c, [OFFSET, SCALE]])
     own = model.drift.of(c)
     drifts = own.stop > own.start
     return Clock(
         camera=problem.cameras[c].camera,
         offset_s=float(state.camera[c, OFFSET]),
-        frame_rate=float(nominal / stretch),
+        frame_rate=float(nominal / scale),
         nominal_rate=nominal,
         offset_sigma_s=float(offset_sigma),
-        frame_rate_sigma=float(nominal / stretch**2 * stretch_sigma),
+        frame_rate_sigma=float(nominal / scale**2 * scale_sigma),
         deviation_frame=model.drift.knot_s[own] * nominal if drifts else None,
         deviation_s=state.deviation[own] if drifts else None,
         deviation_sigma_s=_sigma(covariance, model.order.drift[own]) if drifts else None,

@@ -79,7 +79,8 @@ def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[
     if any(_is_given(problem.cameras[c]) for c in moving):
         fit = _with(problem, fit, {}, Process(), descend)
     asked = [c for c in moving if _is_asked(problem.cameras[c])]
-    parts = {c: found for c in asked if (found := _missing(problem.cameras[c], fit, c)) is not None}
+    looked = {c: _missing(problem.cameras[c], fit, c) for c in asked}
+    parts = {c: part for c, part in looked.items() if part is not None}
     agreed = {c: _all(problem.cameras[c]) for c in asked if c not in parts and agreement(fit, c) > AGREEMENT}
     if parts:
         both = {**parts, **agreed}
@@ -142,7 +143,7 @@ def _new_in_frames(fit: Fit, c: int) -> tuple[Floats, Floats, Floats]:
     time = common_time_s(model.frames, model.drift, state.camera, state.deviation)[rows]
     position = model.basis.position(time, state.coefficients)
     focal = np.full(len(rows), state.camera[c, FOCAL])
-    line = linearise(model.frames, rows, position, pose_error(model, state, rows), focal)
+    line = linearise(model.frames, rows, position, pose_error(model, state, rows), focal)  # type: ignore[arg-type]
     seen = model.frames.seen[rows]
     residual = line.residual
     root = np.sqrt(model.loss.weight((residual**2).sum(-1)) * seen)[..., None]
@@ -209,7 +210,7 @@ def likelihood(fit: Fit) -> float:
         if wander is not None and wander.of(c).stop > wander.of(c).start:
             for axis in np.flatnonzero(wander.sigma[c] > 0):
                 known += float(np.linalg.slogdet(wander_penalty(wander, c, int(axis)))[1])
-    return -fit.cost - 0.5 * factor.log_determinant() + 0.5 * known
+    return float(-fit.cost - 0.5 * factor.log_determinant() + 0.5 * known)
 
 
 def _with(problem: Problem, fit: Fit, parts: Mapping[int, Parts], process: Process, descend: Descend) -> Fit:

@@ -98,7 +98,7 @@ def _orders(problem: Problem, orders: Mapping[str, int] | None) -> dict[str, int
 
 
 def _times(problem: Problem, settings: SolverSettings, clocks: Sequence[Clock]) -> dict[str, tuple[float, float]]:
-    """Offset and stretch of every camera whose clock is solved, held or known with a sigma; a bare guess is not."""
+    """Offset and clock_scale of every camera whose clock is solved, held or known with a sigma; a bare guess is not."""
     timed = settings.method in TIMED
     known = {
         c.camera: (c.offset_s or 0.0, 1.0)

@@ -105,18 +105,18 @@ def solved_offset_knowledge(
 ) -> tuple[OffsetKnowledge, ...]:
     """What carries each offset that `map` has freed, from the covariance (s, s) of its shared parameters `names`.
 
-    `clocks` are offset and stretch of each camera.
+    `clocks` are offset and clock_scale of each camera.
     """
     place = {name: i for i, name in enumerate(names)}
-    parts = _prior_places(cameras, [stretch for _, stretch in clocks], place)
+    parts = _prior_places(cameras, [clock_scale for _, clock_scale in clocks], place)
     out = []
-    for camera, view, (_, stretch) in zip(cameras, views, clocks, strict=True):
+    for camera, view, (_, clock_scale) in zip(cameras, views, clocks, strict=True):
         if f"{camera.camera}.offset_s" not in place:
             continue
         row = np.zeros(len(names))
         row[place[f"{camera.camera}.offset_s"]] = 1.0
-        if f"{camera.camera}.frame_rate" in place:  # t = stretch tau + offset, stretch = nominal / rate
-            row[place[f"{camera.camera}.frame_rate"]] = -0.5 * sum(view.span_s) * stretch**2 / camera.frame_rate
+        if f"{camera.camera}.frame_rate" in place:  # t = clock_scale tau + offset, clock_scale = nominal / rate
+            row[place[f"{camera.camera}.frame_rate"]] = -0.5 * sum(view.span_s) * clock_scale**2 / camera.frame_rate
         full = float(np.sqrt(row @ covariance @ row))
         growth = {kind: _widened(covariance, row, at, sigma) / max(full, 1e-12) for kind, (at, sigma) in parts.items()}
         out.append(OffsetKnowledge(camera=camera.camera, sigma_s=full, growth=growth))
@@ -124,14 +124,14 @@ def solved_offset_knowledge(
 
 
 def _prior_places(
-    cameras: Sequence[CameraInput], stretches: Sequence[float], place: Mapping[str, int]
+    cameras: Sequence[CameraInput], clock_scales: Sequence[float], place: Mapping[str, int]
 ) -> dict[str, tuple[Ints, Floats]]:
     """Places among the shared parameters, and prior sigmas there in their units, of each kind of prior."""
     found: dict[str, list[tuple[int, float]]] = {kind: [] for kind in WORDS}
-    for camera, stretch in zip(cameras, stretches, strict=True):
+    for camera, clock_scale in zip(cameras, clock_scales, strict=True):
         sigma, name = camera.sigma, camera.camera
         told: dict[str, tuple[tuple[str, ...], float]] = {
-            "rate": (("frame_rate",), sigma.frame_rate * camera.frame_rate / stretch**2),
+            "rate": (("frame_rate",), sigma.frame_rate * camera.frame_rate / clock_scale**2),
             "attitude": (tuple(f"rotation_bias_{a}_rad" for a in "xyz"), sigma.attitude_bias_rad),
             "position": (tuple(f"position_bias_{a}_m" for a in ("east", "north", "up")), sigma.position_bias_m),
         }
@@ -185,8 +185,8 @@ def _priors(cameras: Sequence[CameraInput], views: Sequence[View], settings: Sol
             row[at : at + 2] = np.array([1.0, -middle]) / max(sigma.offset_s, 1e-9)
             parts["offset"] += np.outer(row, row)
         for k in range(3):
-            parts["attitude"][at + 2 + k, at + 2 + k] = view.tilt_rad**-2
-            parts["position"][at + 5 + k, at + 5 + k] = view.shift_m**-2
+            parts["attitude"][at + 2 + k, at + 2 + k] = view.attitude_bias_rad**-2
+            parts["position"][at + 5 + k, at + 5 + k] = view.position_bias_m**-2
     return parts
 
 

@@ -34,7 +34,7 @@ class Bundle:
     """Rays of one target from one or more cameras: common time (m,), centres and unit rays (m, 3), sigmas (m,).
 
     sigma_rad  of the direction, what changes from frame to frame
-    bias_rad, shift_m  of what stays: attitude, and the camera's place
+    bias_rad, position_bias_m  of what stays: attitude, and the camera's place
     camera     (m,) place in the list of cameras
     """
 
@@ -43,7 +43,7 @@ class Bundle:
     ray: Floats
     sigma_rad: Floats
     bias_rad: float
-    shift_m: float
+    position_bias_m: float
     camera: Floats
 
     @property
@@ -53,19 +53,19 @@ class Bundle:
 
 
 def bundle_of(views: Sequence[View], clocks: Sequence[tuple[float, float]], target: str) -> Bundle:
-    """The rays of `target` from all `views` that see it, at common times by clocks of offset and stretch."""
+    """The rays of `target` from all `views` that see it, at common times by clocks of offset and clock_scale."""
     parts = [
         (i, v, _at_most(v.tracks[target]), *clock)
         for i, (v, clock) in enumerate(zip(views, clocks, strict=True))
         if target in v.tracks
     ]
     return Bundle(
-        time_s=np.concatenate([stretch * t.time_s + offset for _, _, t, offset, stretch in parts]),
+        time_s=np.concatenate([clock_scale * t.time_s + offset for _, _, t, offset, clock_scale in parts]),
         centre_m=np.concatenate([t.centre_m for _, _, t, _, _ in parts]),
         ray=np.concatenate([t.ray for _, _, t, _, _ in parts]),
         sigma_rad=np.concatenate([_sigma(v, t) for _, v, t, _, _ in parts]),
-        bias_rad=max(v.tilt_rad for _, v, _, _, _ in parts),
-        shift_m=max(float(np.hypot(v.shift_m, v.shift_noise_m)) for _, v, _, _, _ in parts),
+        bias_rad=max(v.attitude_bias_rad for _, v, _, _, _ in parts),
+        position_bias_m=max(float(np.hypot(v.position_bias_m, v.position_noise_m)) for _, v, _, _, _ in parts),
         camera=np.concatenate([np.full(len(t), float(i)) for i, _, t, _, _ in parts]),
     )
 
@@ -76,7 +76,7 @@ def _at_most(track: Track) -> Track:
 
 def _sigma(view: View, track: Track) -> Floats:
     """What instruments and labels claim, or what neighbouring rays show where that is more."""
-    claimed = np.hypot(track.pixel_rad, view.tilt_noise_rad)
+    claimed = np.hypot(track.pixel_rad, view.attitude_noise_rad)
     if len(track) < 12:
         return np.asarray(claimed)
     second = track.ray[2:] - 2 * track.ray[1:-1] + track.ray[:-2]
@@ -139,7 +139,7 @@ def are_parallel(bundle: Bundle) -> bool:
 def stands_still(bundle: Bundle) -> bool:
     """Whether one camera alone sees the target, and from one place as far as its instruments can tell."""
     spread = np.linalg.norm(bundle.centre_m - bundle.centre_m.mean(axis=0), axis=1)
-    return bool(bundle.cameras == 1 and np.sqrt((spread**2).mean()) < 3 * bundle.shift_m + 1e-6)
+    return bool(bundle.cameras == 1 and np.sqrt((spread**2).mean()) < 3 * bundle.position_bias_m + 1e-6)
 
 
 def meet_in_one_point(bundle: Bundle) -> bool:
@@ -153,7 +153,7 @@ def meet_in_one_point(bundle: Bundle) -> bool:
         right = np.einsum("m,mij,mj->i", weight, across, bundle.centre_m)
         point = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
         away = point - bundle.centre_m
-        variance = bundle.sigma_rad**2 * (away**2).sum(1) + bundle.shift_m**2
+        variance = bundle.sigma_rad**2 * (away**2).sum(1) + bundle.position_bias_m**2
         weight = 1 / variance
     off = (across @ away[:, :, None])[:, :, 0]
     return by_chance(float(((off**2).sum(1) * weight).sum()), max(2 * len(weight) - 3, 1))
@@ -169,13 +169,13 @@ def lie_in_one_plane(bundle: Bundle) -> bool:
     centres = bundle.centre_m - bundle.centre_m.mean(axis=0)
     reach = float(np.sqrt((centres**2).sum(1).mean()))
     height = float(np.sqrt(((centres @ normal) ** 2).mean()))
-    return out <= 2.0 and height <= 2 * np.hypot(bundle.shift_m, reach * float(np.median(sigma)))
+    return out <= 2.0 and height <= 2 * np.hypot(bundle.position_bias_m, reach * float(np.median(sigma)))
 
 
 def stand_on_one_line(views: Sequence[View]) -> bool:
     """Whether all camera centres, of at least two cameras, lie on one straight line."""
     centres = np.concatenate([t.centre_m for v in views for t in v.tracks.values()])
-    shift = max(float(np.hypot(v.shift_m, v.shift_noise_m)) for v in views)
+    shift = max(float(np.hypot(v.position_bias_m, v.position_noise_m)) for v in views)
     away = centres - centres.mean(axis=0)
     square = np.linalg.eigvalsh(away.T @ away / len(away))
     if square[2] < (3 * shift) ** 2 and len(views) < 2:

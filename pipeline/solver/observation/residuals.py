@@ -59,7 +59,7 @@ def place_shift(frames: Frames, part: slice, camera: Floats) -> Floats:
     return np.asarray(pixels * frames.place_gain[part, :, None])
 
 
-def stretches(frames: Frames, part: slice, focal: Floats) -> tuple[Floats, Floats]:
+def magnifications(frames: Frames, part: slice, focal: Floats) -> tuple[Floats, Floats]:
     """k and d ln k / d phi, both (n, N) or (n, 1), at log focal scales (n,) of the frames `part`."""
     if len(frames.focal_effect) == 0:
         return np.exp(focal)[:, None], np.ones((len(focal), 1))
@@ -75,10 +75,10 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
     cam_from_enu = turn @ frames.cam_from_enu[part]
     away = target_m - (frames.position_m[part] + p)[:, None]
     y = away @ np.swapaxes(cam_from_enu, 1, 2)
-    factor, growth = stretches(frames, part, focal)
-    stretch = np.ones((len(w), factor.shape[1], 3))
-    stretch[..., :2] = factor[..., None]
-    seen_y, gain, ray = y * stretch, frames.gain[part], frames.ray[part]
+    factor, growth = magnifications(frames, part, focal)
+    magnified = np.ones((len(w), factor.shape[1], 3))
+    magnified[..., :2] = factor[..., None]
+    seen_y, gain, ray = y * magnified, frames.gain[part], frames.ray[part]
     flat = (gain @ seen_y[..., None])[..., 0]
     along = (ray * seen_y).sum(-1)
     if frames.angular:
@@ -88,7 +88,7 @@ def linearise(frames: Frames, part: slice, target_m: Floats, pose_error: Floats,
         by_seen = (gain - residual[..., None] * ray[..., None, :]) / depth[..., None]
     else:
         residual, by_seen = flat, gain
-    by_y = by_seen * stretch[:, :, None]
+    by_y = by_seen * magnified[:, :, None]
     by_position = by_y @ cam_from_enu[:, None]
     by_turn = np.cross(y[..., None, :], by_y)
     by_pose_time = np.zeros(residual.shape)

@@ -5,10 +5,10 @@ same common time, linear between a's own sightings:
 
     f = (C_b - C_a) . (d_a x d_b),   e = f / sigma_f        (sigma_f: noise only, first order)
 
-Unknown are, of every camera but the reference, offset and stretch (t = s tau + beta), and of every camera a constant
-rotation (camera axes) and a constant shift (ENU) with the instruments' priors, since 1.5 degrees of attitude hide
-most of the signal. Gauss-Newton with a bounded loss whose scale shrinks to one from that of the unmodelled biases
-(graduated non-convexity), so that gross outliers lose their say.
+Unknown are, of every camera but the reference, offset and clock scale (t = s tau + beta), and of every camera a
+constant rotation (camera axes) and a constant position bias (ENU) with the instruments' priors, since 1.5 degrees of
+attitude hide most of the signal. Gauss-Newton with a bounded loss whose scale shrinks to one from that of the
+unmodelled biases (graduated non-convexity), so that gross outliers lose their say.
 
 The cost is half a chi-square: sum of the bounded losses, plus a fixed charge for every sighting whose clock leaves it
 without partner, plus the priors. Candidates of one problem share sightings and charges, so their costs compare.
@@ -37,17 +37,17 @@ SAMPLES = 1600
 
 @dataclass(frozen=True, kw_only=True)
 class ClockPrior:
-    """What is known of a clock: an offset and its sigma (None: nothing), and the sigma of the stretch about one."""
+    """What is known of a clock: an offset and its sigma (None: nothing), and the sigma of the clock_scale about one."""
 
     offset_s: float = 0.0
     offset_sigma_s: float | None = None
-    stretch_sigma: float = 0.01
+    clock_scale_sigma: float = 0.01
     allowed: ClockRange
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
-    """Clocks (offset, stretch) of the cameras set so far, and their half chi-square.
+class Hypothesis:
+    """Clocks (offset, clock_scale) of the cameras set so far, and their half chi-square.
 
     overlap  share of the sightings that have a partner in time
     misfit   chi-square per equation of the median frame, where known; one where all is well
@@ -59,8 +59,8 @@ class Fit:
     overlap: float = 1.0
     misfit: float = 0.0
     sigma_s: Mapping[str, float] = field(default_factory=dict)
-    tilt_rad: Mapping[str, Floats] = field(default_factory=dict)
-    shift_m: Mapping[str, Floats] = field(default_factory=dict)
+    attitude_bias_rad: Mapping[str, Floats] = field(default_factory=dict)
+    position_bias_m: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +70,7 @@ class _Sightings:
     camera_a, camera_b  (m,) places in the camera list: each sighting of b is held against a ray of a
     pairs      places (a, b) and rows of every pair of cameras; partners: a's tracks and their rows
     time_s, centre_m, ray, axes  as in `Track`
-    noise_a, noise_b, shift      (m,) variances: what a's attitude and b's direction are worth (rad^2), centres (m^2)
+    noise_a, noise_b, position_bias  (m,) variances: a's attitude and b's direction (rad^2), centres (m^2)
     """
 
     camera_a: Ints
@@ -83,7 +83,7 @@ class _Sightings:
     axes: Floats
     noise_a: Floats
     noise_b: Floats
-    shift: Floats
+    position_bias: Floats
 
 
 def sightings_of(views: Sequence[View], effort: float = 1.0) -> _Sightings | None:
@@ -104,7 +104,9 @@ def _stacked(views: Sequence[View], found: Sequence[tuple[int, str, int, Track]]
     ends = np.cumsum([0] + [len(track) for *_, track in found])
     rows = [slice(int(low), int(high)) for low, high in pairwise(ends)]
     a, b = (np.repeat([pair[k] for pair in found], np.diff(ends)) for k in (0, 2))
-    tilt, shift = (np.array([getattr(v, name) ** 2 for v in views]) for name in ("tilt_noise_rad", "shift_noise_m"))
+    attitude_bias, position_bias = (
+        np.array([getattr(v, name) ** 2 for v in views]) for name in ("attitude_noise_rad", "position_noise_m")
+    )
     partners = []
     for (i, target), group in groupby(zip(found, rows, strict=True), key=lambda item: item[0][:2]):
         own = [row for _, row in group]
@@ -118,9 +120,9 @@ def _stacked(views: Sequence[View], found: Sequence[tuple[int, str, int, Track]]
         centre_m=np.concatenate([track.centre_m for *_, track in found]),
         ray=np.concatenate([track.ray for *_, track in found]),
         axes=np.concatenate([track.axes for *_, track in found]),
-        noise_a=tilt[a],
-        noise_b=np.concatenate([track.pixel_rad for *_, track in found]) ** 2 + tilt[b],
-        shift=shift[a] + shift[b],
+        noise_a=attitude_bias[a],
+        noise_b=np.concatenate([track.pixel_rad for *_, track in found]) ** 2 + attitude_bias[b],
+        position_bias=position_bias[a] + position_bias[b],
     )
 
 
@@ -129,14 +131,17 @@ def polish(
     clocks: Sequence[tuple[float, float]],
     priors: Sequence[ClockPrior | None],
     effort: float = 1.0,
-) -> Fit:
+) -> Hypothesis:
     """The clocks of `views` moved downhill from `clocks`. A prior of None holds the clock (the reference camera).
 
     `effort` is the share of the sightings that is used.
     """
     sightings = sightings_of(views, effort)
     state = _State(
-        clock=np.array(clocks, float), tilt=np.zeros((len(views), 3)), shift=np.zeros((len(views), 3)), views=views
+        clock=np.array(clocks, float),
+        attitude_bias=np.zeros((len(views), 3)),
+        position_bias=np.zeros((len(views), 3)),
+        views=views,
     )
     start = _starting_scale(views)
     for i in range(ROUNDS):
@@ -149,32 +154,37 @@ def polish(
             break
     cost, overlap = _cost(state, sightings, priors)
     names = [v.camera for v in views]
-    return Fit(
+    return Hypothesis(
         clock={n: (float(c[0]), float(c[1])) for n, c in zip(names, state.clock, strict=True)},
         cost=cost,
         overlap=overlap,
-        tilt_rad=dict(zip(names, state.tilt, strict=True)),
-        shift_m=dict(zip(names, state.shift, strict=True)),
+        attitude_bias_rad=dict(zip(names, state.attitude_bias, strict=True)),
+        position_bias_m=dict(zip(names, state.position_bias, strict=True)),
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _State:
-    """clock (c, 2) offset and stretch, tilt (c, 3), shift (c, 3)."""
+    """clock (c, 2) offset and clock_scale, attitude_bias (c, 3), position_bias (c, 3)."""
 
     clock: Floats
-    tilt: Floats
-    shift: Floats
+    attitude_bias: Floats
+    position_bias: Floats
     views: Sequence[View]
 
     def moved(self, step: Floats) -> _State:
-        """The state after a step (c, 8): time at mid-track, stretch, tilt, shift."""
+        """The state after a step (c, 8): time at mid-track, clock_scale, attitude_bias, position_bias."""
         clock = self.clock.copy()
         for i, view in enumerate(self.views):
             middle = 0.5 * sum(view.span_s)
             clock[i, 1] += step[i, 1]
             clock[i, 0] += step[i, 0] - step[i, 1] * middle
-        return _State(clock=clock, tilt=self.tilt + step[:, 2:5], shift=self.shift + step[:, 5:8], views=self.views)
+        return _State(
+            clock=clock,
+            attitude_bias=self.attitude_bias + step[:, 2:5],
+            position_bias=self.position_bias + step[:, 5:8],
+            views=self.views,
+        )
 
 
 def _starting_scale(views: Sequence[View]) -> float:
@@ -182,8 +192,8 @@ def _starting_scale(views: Sequence[View]) -> float:
     worst = 1.0
     for view in views:
         for track in view.tracks.values():
-            noise = np.hypot(float(np.median(track.pixel_rad)), view.tilt_noise_rad)
-            worst = max(worst, float(np.hypot(noise, view.tilt_rad) / noise))
+            noise = np.hypot(float(np.median(track.pixel_rad)), view.attitude_noise_rad)
+            worst = max(worst, float(np.hypot(noise, view.attitude_bias_rad) / noise))
     return min(worst, 64.0)
 
 
@@ -201,13 +211,13 @@ def _residuals(state: _State, sightings: _Sightings) -> _Residuals:
     clock_a, clock_b = state.clock[a], state.clock[b]
     own = (clock_b[:, 1] * s.time_s + clock_b[:, 0] - clock_a[:, 0]) / clock_a[:, 1]
     packed, axes_a, pixel_a, paired = _partners(s, own)
-    turn = matrix(exp(state.tilt))
+    turn = matrix(exp(state.attitude_bias))
     ray_a, ray_b = _turned(packed[:, 3:6], axes_a, turn[a]), _turned(s.ray, s.axes, turn[b])
-    base = s.centre_m + state.shift[b] - packed[:, :3] - state.shift[a]
+    base = s.centre_m + state.position_bias[b] - packed[:, :3] - state.position_bias[a]
     normal, by_ray_a, by_ray_b = cross(ray_a, ray_b), cross(ray_b, base), cross(base, ray_a)
     lever_a, lever_b = cross(ray_a, by_ray_a), cross(ray_b, by_ray_b)
     variance = inner(lever_a, lever_a) * (pixel_a**2 + s.noise_a) + inner(lever_b, lever_b) * s.noise_b
-    sigma = np.sqrt(variance + inner(normal, normal) * s.shift + 1e-30)
+    sigma = np.sqrt(variance + inner(normal, normal) * s.position_bias + 1e-30)
     by_own = inner(by_ray_a, packed[:, 9:]) - inner(normal, packed[:, 6:9])
     by_time = (by_own / clock_a[:, 1])[:, None]
     middle = np.array([0.5 * sum(v.span_s) for v in state.views])
@@ -280,9 +290,9 @@ def _data(state: _State, sightings: _Sightings | None, scale: float) -> tuple[Fl
 
 
 def crossing_information(views: Sequence[View], clocks: Sequence[tuple[float, float]]) -> Floats:
-    """What the sightings alone know (8 c, 8 c) of time at mid-track, stretch, tilt (3), shift (3) of each camera."""
+    """What the sightings alone know (8 c, 8 c) of every camera: time at mid-track, clock scale, biases (6)."""
     zero = np.zeros((len(views), 3))
-    state = _State(clock=np.array(clocks, float), tilt=zero, shift=zero, views=views)
+    state = _State(clock=np.array(clocks, float), attitude_bias=zero, position_bias=zero, views=views)
     size = 8 * len(views)
     return (
         _data(state, sightings_of(views), _starting_scale(views))[0].reshape(size, size) * _starting_scale(views) ** 2
@@ -293,15 +303,15 @@ def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floa
     """Priors of clocks and biases, into the normal equations under construction."""
     axis = np.arange(8)
     for i, (view, prior) in enumerate(zip(state.views, priors, strict=True)):
-        weight = np.concatenate([[0, 0], np.full(3, view.tilt_rad**-2), np.full(3, view.shift_m**-2)])
+        weight = np.concatenate([[0, 0], np.full(3, view.attitude_bias_rad**-2), np.full(3, view.position_bias_m**-2)])
         normal[i, axis, i, axis] += weight
-        right[i] -= weight * np.concatenate([[0, 0], state.tilt[i], state.shift[i]])
+        right[i] -= weight * np.concatenate([[0, 0], state.attitude_bias[i], state.position_bias[i]])
         if prior is None:
             normal[i, :2, i, :2] += np.eye(2) * 1e16
             continue
-        offset, stretch = state.clock[i]
+        offset, clock_scale = state.clock[i]
         middle = 0.5 * sum(view.span_s)
-        precision, slope = stretch_pull(prior, stretch)
+        precision, slope = clock_scale_pull(prior, clock_scale)
         normal[i, 1, i, 1] += precision
         right[i, 1] -= slope
         if prior.offset_sigma_s is not None:
@@ -310,36 +320,36 @@ def _add_priors(state: _State, priors: Sequence[ClockPrior | None], normal: Floa
             right[i, :2] -= row * (offset - prior.offset_s) / prior.offset_sigma_s
 
 
-def prior_cost(prior: ClockPrior | None, offset_s: float, stretch: float) -> float:
+def prior_cost(prior: ClockPrior | None, offset_s: float, clock_scale: float) -> float:
     """Half chi-square of a clock under its prior.
 
-    That of the stretch grows slowly, since stated rates may be plain wrong, but there is a wall where the search ends.
+    That of the clock scale grows slowly, since stated rates may be plain wrong, with a wall where the search ends.
     """
     if prior is None:
         return 0.0
-    cost = 0.5 * float(np.log1p(((stretch - 1) / prior.stretch_sigma) ** 2))
-    cost += 0.5 * (_beyond(prior, stretch) / _wall(prior)) ** 2
+    cost = 0.5 * float(np.log1p(((clock_scale - 1) / prior.clock_scale_sigma) ** 2))
+    cost += 0.5 * (_beyond(prior, clock_scale) / _wall(prior)) ** 2
     if prior.offset_sigma_s is not None:
         cost += 0.5 * ((offset_s - prior.offset_s) / prior.offset_sigma_s) ** 2
     return cost
 
 
-def stretch_pull(prior: ClockPrior, stretch: float) -> tuple[float, float]:
-    """Curvature (Gauss-Newton) and slope of the part of `prior_cost` that depends on the stretch."""
-    pull = 1 / (prior.stretch_sigma**2 + (stretch - 1) ** 2)
-    beyond, wall = _beyond(prior, stretch), _wall(prior)
+def clock_scale_pull(prior: ClockPrior, clock_scale: float) -> tuple[float, float]:
+    """Curvature (Gauss-Newton) and slope of the part of `prior_cost` that depends on the clock_scale."""
+    pull = 1 / (prior.clock_scale_sigma**2 + (clock_scale - 1) ** 2)
+    beyond, wall = _beyond(prior, clock_scale), _wall(prior)
     precision = pull + (wall**-2 if beyond != 0 else 0.0)
-    return precision, pull * (stretch - 1) + beyond / wall**2
+    return precision, pull * (clock_scale - 1) + beyond / wall**2
 
 
-def _beyond(prior: ClockPrior, stretch: float) -> float:
-    """How far a stretch is outside of what is searched."""
-    away = stretch - 1
-    return away - float(np.clip(away, -prior.allowed.stretch, prior.allowed.stretch))
+def _beyond(prior: ClockPrior, clock_scale: float) -> float:
+    """How far a clock_scale is outside of what is searched."""
+    away = clock_scale - 1
+    return away - float(np.clip(away, -prior.allowed.clock_scale, prior.allowed.clock_scale))
 
 
 def _wall(prior: ClockPrior) -> float:
-    return max(0.02 * prior.allowed.stretch, 1e-7)
+    return max(0.02 * prior.allowed.clock_scale, 1e-7)
 
 
 def _cost(state: _State, sightings: _Sightings | None, priors: Sequence[ClockPrior | None]) -> tuple[float, float]:
@@ -349,7 +359,7 @@ def _cost(state: _State, sightings: _Sightings | None, priors: Sequence[ClockPri
         total, paired = float(bounded(r.residual).sum()), int(r.paired.sum())
         lonely = len(r.paired) - paired
     for i, (view, prior) in enumerate(zip(state.views, priors, strict=True)):
-        total += 0.5 * float((state.tilt[i] ** 2).sum() / view.tilt_rad**2)
-        total += 0.5 * float((state.shift[i] ** 2).sum() / view.shift_m**2)
+        total += 0.5 * float((state.attitude_bias[i] ** 2).sum() / view.attitude_bias_rad**2)
+        total += 0.5 * float((state.position_bias[i] ** 2).sum() / view.position_bias_m**2)
         total += prior_cost(prior, *state.clock[i])
     return total + LONELY * lonely, paired / max(paired + lonely, 1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import skew
-from pipeline.solver.offset_search.polynomial import tangents
+from pipeline.solver.observation.observations import across
 from pipeline.solver.offset_search.views import View
 
 
@@ -56,7 +56,7 @@ def frames_of(view: View, targets: Sequence[str], most: int) -> FrameSet:
         present=present,
         centre_m=centre,
         ray=ray,
-        across=tangents(ray.reshape(-1, 3)).reshape(f, n, 2, 3),
+        across=across(ray.reshape(-1, 3)).reshape(f, n, 2, 3),
         axes=axes,
         pixel_rad=pixel,
     )
@@ -79,11 +79,11 @@ def whitening(view: View, frames: FrameSet, depth_m: Floats) -> Whitening:
     """Of frames whose targets are `depth_m` (f, n) away."""
     f, n = frames.present.shape
     there = np.repeat(frames.present, 2, axis=1)[..., None]
-    tilt = (frames.across @ skew(frames.ray) @ frames.axes[:, None]).reshape(f, 2 * n, 3) * there
-    shift = (frames.across / depth_m[..., None, None]).reshape(f, 2 * n, 3) * there
+    attitude_bias = (frames.across @ skew(frames.ray) @ frames.axes[:, None]).reshape(f, 2 * n, 3) * there
+    position_bias = (frames.across / depth_m[..., None, None]).reshape(f, 2 * n, 3) * there
     own = np.where(there > 0, np.repeat(frames.pixel_rad, 2, axis=1)[..., None] ** 2, 1.0)
-    plain = own * np.eye(2 * n) + view.tilt_noise_rad**2 * tilt @ np.swapaxes(tilt, 1, 2)
-    whole = plain + view.shift_noise_m**2 * shift @ np.swapaxes(shift, 1, 2)
+    plain = own * np.eye(2 * n) + view.attitude_noise_rad**2 * attitude_bias @ np.swapaxes(attitude_bias, 1, 2)
+    whole = plain + view.position_noise_m**2 * position_bias @ np.swapaxes(position_bias, 1, 2)
     _, wide = np.linalg.slogdet(whole)
     _, narrow = np.linalg.slogdet(plain)
     inverse = np.linalg.inv(np.linalg.cholesky(whole))

@@ -19,6 +19,7 @@ from scipy.ndimage import minimum_filter1d
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import skew
+from pipeline.solver.observation.observations import across
 from pipeline.solver.observation.symmetric import solved
 from pipeline.solver.offset_search.sweep import ClockGuess, ClockRange, SetCamera
 from pipeline.solver.offset_search.views import Track, View, thinned
@@ -47,15 +48,7 @@ class Rows:
     across: Floats
     turned: Floats
     sigma_rad: Floats
-    shift_noise_m: Floats
-
-
-def tangents(ray: Floats) -> Floats:
-    """Two unit vectors (m, 2, 3) across each ray (m, 3)."""
-    least = np.eye(3)[np.abs(ray).argmin(axis=1)]
-    first = np.cross(ray, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(ray, first)], axis=1)
+    position_noise_m: Floats
 
 
 def stacked_rows(views: Sequence[View], target: str, order: int, most: int = 40) -> Rows:
@@ -65,18 +58,18 @@ def stacked_rows(views: Sequence[View], target: str, order: int, most: int = 40)
     ]
     ray = np.concatenate([t.ray for _, _, t in parts])
     axes = np.concatenate([t.axes for _, _, t in parts])
-    sigma = np.concatenate([np.hypot(t.pixel_rad, v.tilt_noise_rad) for _, v, t in parts])
-    across = tangents(ray) / sigma[:, None, None]
+    sigma = np.concatenate([np.hypot(t.pixel_rad, v.attitude_noise_rad) for _, v, t in parts])
+    across_ray = across(ray) / sigma[:, None, None]
     return Rows(
         order=order,
         camera=np.concatenate([np.full(len(t), i) for i, _, t in parts]),
         time_s=np.concatenate([t.time_s for _, _, t in parts]),
         centre_m=np.concatenate([t.centre_m for _, _, t in parts]),
         ray=ray,
-        across=across,
-        turned=across @ skew(ray) @ axes,
+        across=across_ray,
+        turned=across_ray @ skew(ray) @ axes,
         sigma_rad=sigma,
-        shift_noise_m=np.concatenate([np.full(len(t), v.shift_noise_m) for _, v, t in parts]),
+        position_noise_m=np.concatenate([np.full(len(t), v.position_noise_m) for _, v, t in parts]),
     )
 
 
@@ -92,7 +85,7 @@ class Projected:
 
 
 def project_motion(views: Sequence[View], rows: Sequence[Rows], clocks: Floats, passes: int = 3) -> Projected:
-    """Variable projection at clocks (g, c, 2) of offset and stretch."""
+    """Variable projection at clocks (g, c, 2) of offset and clock_scale."""
     times = [clocks[:, r.camera, 1] * r.time_s + clocks[:, r.camera, 0] for r in rows]
     low = np.min([t.min(axis=1) for t in times], axis=0)
     high = np.max([t.max(axis=1) for t in times], axis=0)
@@ -122,7 +115,7 @@ def _ranges(rows: Rows, powers: Floats, coefficients: Floats) -> tuple[Floats, F
 
 def _spread(rows: Rows, ranges: Floats) -> Floats:
     """How much wider (g, m) a residual is for the error of the camera's position; a near target is worth little."""
-    return np.asarray(np.sqrt(1 + (rows.shift_noise_m / (ranges * rows.sigma_rad)) ** 2))
+    return np.asarray(np.sqrt(1 + (rows.position_noise_m / (ranges * rows.sigma_rad)) ** 2))
 
 
 def _solved(
@@ -130,7 +123,7 @@ def _solved(
 ) -> tuple[Floats, list[Floats], Floats]:
     """Motions (g, K + 1, 3) per target, biases (g, 6 c) and half chi-square (g,) of the linear problem."""
     g, size = len(powers[0]), 6 * len(views)
-    prior = np.concatenate([[v.tilt_rad**-2] * 3 + [v.shift_m**-2] * 3 for v in views])
+    prior = np.concatenate([[v.attitude_bias_rad**-2] * 3 + [v.position_bias_m**-2] * 3 for v in views])
     schur = np.zeros((g, size, size)) + np.diag(prior)
     right, square, kept = np.zeros((g, size)), np.zeros(g), []
     for r, phi, distance in zip(rows, powers, ranges, strict=True):
@@ -181,26 +174,28 @@ def sweep_polynomial(
     first, last = new.span_s
     middle, half = 0.5 * (first + last), 0.5 * (last - first)
     step = float(np.clip(2 * half / 15, 0.1, 1.0))
-    count = int(np.ceil(allowed.stretch / min(0.05, 2 * step / half))) if allowed.stretch * half > step / 4 else 0
-    stretches = np.linspace(1 - allowed.stretch, 1 + allowed.stretch, 2 * count + 1) if count else np.ones(1)
+    count = (
+        int(np.ceil(allowed.clock_scale / min(0.05, 2 * step / half))) if allowed.clock_scale * half > step / 4 else 0
+    )
+    clock_scales = np.linspace(1 - allowed.clock_scale, 1 + allowed.clock_scale, 2 * count + 1) if count else np.ones(1)
     offsets = np.arange(allowed.low_s, allowed.high_s + step, min(step, (allowed.high_s - allowed.low_s) / 4))
     mid = offsets + middle
-    grid = np.array([(t - s * middle, s) for t in mid for s in stretches])
-    set_clocks = np.array([(p.offset_s, p.stretch) for p in placed])
+    grid = np.array([(t - s * middle, s) for t in mid for s in clock_scales])
+    set_clocks = np.array([(p.offset_s, p.clock_scale) for p in placed])
     cost = []
     for i in range(0, len(grid), BATCH):
         part = grid[i : i + BATCH]
         clocks = np.concatenate([np.broadcast_to(set_clocks, (len(part), *set_clocks.shape)), part[:, None]], axis=1)
         cost.append(project_motion(views, rows, clocks).cost)
-    table = np.concatenate(cost).reshape(len(mid), len(stretches))
+    table = np.concatenate(cost).reshape(len(mid), len(clock_scales))
     best = table.argmin(axis=1)
     profile = table.min(axis=1)
     lowest = np.flatnonzero(profile == minimum_filter1d(profile, 3))
     lowest = lowest[np.argsort(profile[lowest], kind="stable")][:keep]
     return tuple(
         ClockGuess(
-            offset_s=float(mid[i] - stretches[best[i]] * middle),
-            stretch=float(stretches[best[i]]),
+            offset_s=float(mid[i] - clock_scales[best[i]] * middle),
+            clock_scale=float(clock_scales[best[i]]),
             cost=float(profile[i]),
         )
         for i in lowest

@@ -19,7 +19,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import exp, matrix, skew
-from pipeline.solver.offset_search.crossing import ClockPrior, Fit, prior_cost, stretch_pull
+from pipeline.solver.offset_search.crossing import ClockPrior, Hypothesis, clock_scale_pull, prior_cost
 from pipeline.solver.offset_search.frame_sets import FrameSet, Whitening, frames_of, whitening
 from pipeline.solver.offset_search.polynomial import project_motion, stacked_rows
 from pipeline.solver.offset_search.sweep import ClockRange
@@ -36,11 +36,11 @@ EXTRAPOLATED = 12.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """Where the adjustment stands: clock (c, 2), tilt (c, 3), shift (c, 3), coefficients (K + 1, 3) per target."""
+    """Where the adjustment stands: clock (c, 2), biases (c, 3) each, coefficients (K + 1, 3) per target."""
 
     clock: Floats
-    tilt: Floats
-    shift: Floats
+    attitude_bias: Floats
+    position_bias: Floats
     motion: list[Floats]
 
 
@@ -68,7 +68,7 @@ def polish_polynomial(
     effort: float = 1.0,
     *,
     orders: Mapping[str, int],
-) -> Fit:
+) -> Hypothesis:
     """The clocks of `views` moved downhill from `clocks`, for targets of known polynomial order.
 
     `effort` is the share of the frames that is used.
@@ -89,12 +89,12 @@ def polish_polynomial(
 def polynomial_information(
     views: Sequence[View], clocks: Sequence[tuple[float, float]], orders: Mapping[str, int]
 ) -> Floats:
-    """What the sightings alone know (8 c, 8 c) of time at mid-track, stretch, tilt (3), shift (3) of each camera.
+    """What the sightings alone know (8 c, 8 c) of every camera: time at mid-track, clock scale, biases (6).
 
     The motions, of known polynomial order, are eliminated; they are taken where they fit best at the given clocks.
     """
     wanted = [t for t in orders if any(t in v.tracks for v in views)]
-    free = ClockPrior(stretch_sigma=1e6, allowed=ClockRange(low_s=0.0, high_s=0.0, stretch=1.0))
+    free = ClockPrior(clock_scale_sigma=1e6, allowed=ClockRange(low_s=0.0, high_s=0.0, clock_scale=1.0))
     setup, point = _start(views, np.array(clocks, float), [free] * len(views), wanted, orders, 1.0)
     normal = _normal(setup, point, _held(setup, point))[0] - _priors(setup, point)[0]
     size = 8 * len(views)
@@ -133,19 +133,19 @@ def _downhill(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[
     return point, float(np.abs(point.clock[:, 0] + point.clock[:, 1] * setup.middle_s - first).max())
 
 
-def _fit(setup: _Setup, point: _Point, cost: float, normal: Floats) -> Fit:
+def _fit(setup: _Setup, point: _Point, cost: float, normal: Floats) -> Hypothesis:
     overlap = _overlap(setup, point)
     names = [v.camera for v in setup.views]
     equations = 2 * sum(float(f.present.sum()) for f in setup.frames)
     sigma = _sigmas(normal)[: 8 * len(names) : 8]
     unit = max(1.0, 2 * cost / max(equations, 1.0))
-    return Fit(
+    return Hypothesis(
         clock={n: (float(c[0]), float(c[1])) for n, c in zip(names, point.clock, strict=True)},
         cost=cost if overlap > 0 else cost + EXTRAPOLATED * unit,
         overlap=max(overlap, 1e-9),
         sigma_s=dict(zip(names, (float(x) for x in sigma), strict=True)),
-        tilt_rad=dict(zip(names, point.tilt, strict=True)),
-        shift_m=dict(zip(names, point.shift, strict=True)),
+        attitude_bias_rad=dict(zip(names, point.attitude_bias, strict=True)),
+        position_bias_m=dict(zip(names, point.position_bias, strict=True)),
     )
 
 
@@ -183,7 +183,7 @@ def _start(
     )
     bias = linear.bias[0].reshape(len(views), 2, 3)
     motion = [a[0] for a in linear.coefficients]
-    return setup, _Point(clock=clocks, tilt=bias[:, 0], shift=bias[:, 1], motion=motion)
+    return setup, _Point(clock=clocks, attitude_bias=bias[:, 0], position_bias=bias[:, 1], motion=motion)
 
 
 def _normal(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[Floats, Floats, float]:
@@ -223,10 +223,10 @@ def _columns(setup: _Setup, camera: int) -> Ints:
 
 def _sightings(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> tuple[Floats, Floats, Floats, Floats]:
     """Vectors camera to target (f, n, 3), depths (f, n), turned rays (f, n, 3) and vectors across (f, n, 2, 3)."""
-    turn = np.swapaxes(frames.axes @ matrix(exp(point.tilt[i])) @ np.swapaxes(frames.axes, 1, 2), 1, 2)
+    turn = np.swapaxes(frames.axes @ matrix(exp(point.attitude_bias[i])) @ np.swapaxes(frames.axes, 1, 2), 1, 2)
     ray = frames.ray @ turn
     place = np.stack([phi @ a for phi, a in zip(_powers(setup, point, i, frames), point.motion, strict=True)], axis=1)
-    away = place - (frames.centre_m + point.shift[i])[:, None]
+    away = place - (frames.centre_m + point.position_bias[i])[:, None]
     return away, np.asarray((away * ray).sum(-1)), ray, frames.across @ turn[:, None]
 
 
@@ -268,17 +268,17 @@ def _priors(setup: _Setup, point: _Point) -> tuple[Floats, Floats, float]:
     normal, right, cost = np.zeros((setup.size, setup.size)), np.zeros(setup.size), 0.0
     for i, (view, prior) in enumerate(zip(setup.views, setup.priors, strict=True)):
         at = 8 * i
-        weight = np.array([view.tilt_rad**-2] * 3 + [view.shift_m**-2] * 3)
-        value = np.concatenate([point.tilt[i], point.shift[i]])
+        weight = np.array([view.attitude_bias_rad**-2] * 3 + [view.position_bias_m**-2] * 3)
+        value = np.concatenate([point.attitude_bias[i], point.position_bias[i]])
         normal[range(at + 2, at + 8), range(at + 2, at + 8)] = weight
         right[at + 2 : at + 8] = -weight * value
         cost += 0.5 * float((weight * value**2).sum())
         if prior is None:
             normal[at, at] = normal[at + 1, at + 1] = 1e16
             continue
-        offset, stretch = point.clock[i]
-        cost += prior_cost(prior, float(offset), float(stretch))
-        normal[at + 1, at + 1], slope = stretch_pull(prior, float(stretch))
+        offset, clock_scale = point.clock[i]
+        cost += prior_cost(prior, float(offset), float(clock_scale))
+        normal[at + 1, at + 1], slope = clock_scale_pull(prior, float(clock_scale))
         right[at + 1] = -slope
         if prior.offset_sigma_s is not None:
             row = np.array([1.0, -setup.middle_s[i]]) / prior.offset_sigma_s
@@ -310,4 +310,9 @@ def _moved(setup: _Setup, point: _Point, step: Floats) -> _Point:
     for a in point.motion:
         motion.append(a + step[at : at + a.size].reshape(a.shape))
         at += a.size
-    return _Point(clock=clock, tilt=point.tilt + own[:, 2:5], shift=point.shift + own[:, 5:], motion=motion)
+    return _Point(
+        clock=clock,
+        attitude_bias=point.attitude_bias + own[:, 2:5],
+        position_bias=point.position_bias + own[:, 5:],
+        motion=motion,
+    )

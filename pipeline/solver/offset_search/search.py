@@ -21,7 +21,7 @@ from functools import partial
 
 from calibration.foundation.errors import GeometryError
 from pipeline.records import CameraInput, OffsetCandidate, Problem, SolverSettings
-from pipeline.solver.offset_search.crossing import ClockPrior, Fit
+from pipeline.solver.offset_search.crossing import ClockPrior, Hypothesis
 from pipeline.solver.offset_search.crossing import polish as polish_crossing
 from pipeline.solver.offset_search.polynomial import sweep_polynomial
 from pipeline.solver.offset_search.polynomial_polish import polish_polynomial
@@ -40,7 +40,7 @@ SAME_S = 0.25
 """Clocks closer than this at mid-track are one candidate."""
 CLEAR = 4.6
 """Half chi-square by which the best candidate must beat the next: a likelihood ratio of 100."""
-WIDEST_STRETCH = 0.1
+WIDEST_CLOCK_SCALE = 0.1
 FITS = 2.0
 """Chi-square per equation (median frame) up to which polynomials of a guessed order are taken to fit."""
 SHORT_S = 60.0
@@ -50,7 +50,7 @@ WEAK_S = 0.08
 NEAR_S = 10.0
 """How far a given offset without a sigma is trusted."""
 
-Progress = Callable[[float], None]
+ShareDone = Callable[[float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +58,11 @@ class _Cost:
     """One way to judge clocks: coarse guesses for a new camera, and the polishing of a whole hypothesis."""
 
     sweep: Callable[[View, Sequence[SetCamera], ClockRange, int], tuple[ClockGuess, ...]]
-    polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None], float], Fit]
+    polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None], float], Hypothesis]
 
 
 def search_offsets(
-    problem: Problem, settings: SolverSettings, *, progress: Progress | None = None
+    problem: Problem, settings: SolverSettings, *, progress: ShareDone | None = None
 ) -> tuple[OffsetCandidate, ...]:
     """Time offsets and frame rates of every camera, best first; several, so that a near tie can be seen and said.
 
@@ -106,11 +106,11 @@ def _search(
     order: Sequence[str],
     priors: Mapping[str, ClockPrior | None],
     cost: _Cost,
-    progress: Progress | None,
-) -> list[Fit]:
+    progress: ShareDone | None,
+) -> list[Hypothesis]:
     """Whole hypotheses by one way to judge them, best first."""
-    beam = [Fit(clock={order[0]: (0.0, 1.0)}, cost=0.0)]
-    others: list[tuple[str, Fit]] = []
+    beam = [Hypothesis(clock={order[0]: (0.0, 1.0)}, cost=0.0)]
+    others: list[tuple[str, Hypothesis]] = []
     for done, name in enumerate(order[1:], start=1):
         beam = _extended(seen, priors, beam, name, cost)
         others += [(name, fit) for fit in (beam[1:] if name == order[-1] else beam[1:2])]
@@ -194,7 +194,7 @@ def _prior(camera: CameraInput, settings: SolverSettings, reference: str) -> Clo
         return None
     sigma = camera.sigma
     free = settings.refine_frame_rate and sigma.frame_rate > 0
-    stretch = min(WIDEST_STRETCH, 20 * sigma.frame_rate) if free else 0.0
+    clock_scale = min(WIDEST_CLOCK_SCALE, 20 * sigma.frame_rate) if free else 0.0
     width = settings.search_s
     offset_sigma = None
     if camera.offset_s is not None:
@@ -204,26 +204,26 @@ def _prior(camera: CameraInput, settings: SolverSettings, reference: str) -> Clo
     return ClockPrior(
         offset_s=middle,
         offset_sigma_s=offset_sigma,
-        stretch_sigma=sigma.frame_rate if free else 1e-7,
-        allowed=ClockRange(low_s=middle - width, high_s=middle + width, stretch=stretch),
+        clock_scale_sigma=sigma.frame_rate if free else 1e-7,
+        allowed=ClockRange(low_s=middle - width, high_s=middle + width, clock_scale=clock_scale),
     )
 
 
 def _extended(
     seen: Mapping[str, View],
     priors: Mapping[str, ClockPrior | None],
-    beam: Sequence[Fit],
+    beam: Sequence[Hypothesis],
     name: str,
     cost: _Cost,
-) -> list[Fit]:
+) -> list[Hypothesis]:
     """Every hypothesis with camera `name` added in every promising way, best first."""
     prior = priors[name]
     assert prior is not None
-    grown: list[Fit] = []
+    grown: list[Hypothesis] = []
     for fit in beam:
-        placed = [SetCamera(view=seen[c], offset_s=o, stretch=s) for c, (o, s) in fit.clock.items()]
+        placed = [SetCamera(view=seen[c], offset_s=o, clock_scale=s) for c, (o, s) in fit.clock.items()]
         for guess in cost.sweep(seen[name], placed, prior.allowed, GUESSES):
-            clocks = {**fit.clock, name: (guess.offset_s, guess.stretch)}
+            clocks = {**fit.clock, name: (guess.offset_s, guess.clock_scale)}
             grown.append(_polished(clocks, seen, priors, cost, effort=ROUGH))
     grown = [fit for fit in grown if _within(fit, name, prior.allowed, seen[name])]
     if not grown:
@@ -235,7 +235,7 @@ def _extended(
 
 
 def _valley(
-    best: Fit, name: str, allowed: ClockRange, seen: Mapping[str, View]
+    best: Hypothesis, name: str, allowed: ClockRange, seen: Mapping[str, View]
 ) -> list[Mapping[str, tuple[float, float]]]:
     """Other starts in a long flat valley: where an offset is weak, its trade with the frame rate may have two ends."""
     sigma = best.sigma_s.get(name, 0.0)
@@ -243,9 +243,9 @@ def _valley(
         return []
     middle = 0.5 * sum(seen[name].span_s)
     starts: list[Mapping[str, tuple[float, float]]] = []
-    for stretch in (1 - 0.6 * allowed.stretch, 1 + 0.6 * allowed.stretch):
+    for clock_scale in (1 - 0.6 * allowed.clock_scale, 1 + 0.6 * allowed.clock_scale):
         for away in (-6 * sigma, 6 * sigma):
-            starts.append({**best.clock, name: (_middle(best, name, seen) + away - stretch * middle, stretch)})
+            starts.append({**best.clock, name: (_middle(best, name, seen) + away - clock_scale * middle, clock_scale)})
     return starts
 
 
@@ -255,45 +255,45 @@ def _polished(
     priors: Mapping[str, ClockPrior | None],
     cost: _Cost,
     effort: float = 1.0,
-) -> Fit:
+) -> Hypothesis:
     return cost.polish([seen[c] for c in clocks], list(clocks.values()), [priors[c] for c in clocks], effort)
 
 
-def _within(fit: Fit, name: str, allowed: ClockRange, view: View) -> bool:
+def _within(fit: Hypothesis, name: str, allowed: ClockRange, view: View) -> bool:
     """Whether polishing left the clock where it may be, give or take a tenth."""
-    offset, stretch = fit.clock[name]
-    slack = 0.1 * (allowed.high_s - allowed.low_s) / 2 + 0.1 * allowed.stretch * max(abs(t) for t in view.span_s)
+    offset, clock_scale = fit.clock[name]
+    slack = 0.1 * (allowed.high_s - allowed.low_s) / 2 + 0.1 * allowed.clock_scale * max(abs(t) for t in view.span_s)
     in_time = allowed.low_s - slack <= offset <= allowed.high_s + slack
-    return in_time and abs(stretch - 1) <= 1.2 * allowed.stretch + 1e-6 and fit.overlap > 0
+    return in_time and abs(clock_scale - 1) <= 1.2 * allowed.clock_scale + 1e-6 and fit.overlap > 0
 
 
-def _distinct(fits: Sequence[Fit], seen: Mapping[str, View]) -> list[Fit]:
+def _distinct(fits: Sequence[Hypothesis], seen: Mapping[str, View]) -> list[Hypothesis]:
     """Best first, without those that say the same as a better one."""
-    kept: list[Fit] = []
+    kept: list[Hypothesis] = []
     for fit in sorted(fits, key=lambda f: f.cost):
         if all(_apart(fit, other, seen) for other in kept):
             kept.append(fit)
     return kept
 
 
-def _apart(one: Fit, other: Fit, seen: Mapping[str, View]) -> bool:
+def _apart(one: Hypothesis, other: Hypothesis, seen: Mapping[str, View]) -> bool:
     """Whether two hypotheses differ in the common time of some camera's mid-track."""
     return any(abs(_middle(one, name, seen) - _middle(other, name, seen)) > SAME_S for name in one.clock)
 
 
-def _worth_carrying(beam: Sequence[Fit]) -> list[Fit]:
+def _worth_carrying(beam: Sequence[Hypothesis]) -> list[Hypothesis]:
     """The hypotheses that further cameras could still make the best."""
     margin = max(30.0, 0.5 * beam[0].cost)
     return [fit for fit in beam if fit.cost <= beam[0].cost + margin][:BEAM]
 
 
 def _alternatives(
-    best: Fit,
-    others: Sequence[tuple[str, Fit]],
+    best: Hypothesis,
+    others: Sequence[tuple[str, Hypothesis]],
     seen: Mapping[str, View],
     priors: Mapping[str, ClockPrior | None],
     cost: _Cost,
-) -> list[Fit]:
+) -> list[Hypothesis]:
     """Whole hypotheses that differ from the best in one camera's clock: another answer that its own search gave."""
     found = [fit for _, fit in others if len(fit.clock) == len(best.clock)]
     for camera, fit in others:
@@ -302,13 +302,13 @@ def _alternatives(
     return found
 
 
-def _middle(fit: Fit, camera: str, seen: Mapping[str, View]) -> float:
+def _middle(fit: Hypothesis, camera: str, seen: Mapping[str, View]) -> float:
     """Common time of the middle of a camera's sightings."""
-    offset, stretch = fit.clock[camera]
-    return offset + stretch * 0.5 * sum(seen[camera].span_s)
+    offset, clock_scale = fit.clock[camera]
+    return offset + clock_scale * 0.5 * sum(seen[camera].span_s)
 
 
-def _candidate(fit: Fit, rates: Mapping[str, float], problem: Problem) -> OffsetCandidate:
+def _candidate(fit: Hypothesis, rates: Mapping[str, float], problem: Problem) -> OffsetCandidate:
     reference = problem.reference_camera
     names = [c.camera for c in problem.cameras if c.camera != reference]
     return OffsetCandidate(

@@ -6,8 +6,8 @@ Two rays of one target at one instant meet (paper eq. 6 with two cameras):
 
 with sigma_f from the angles' and centres' sigmas to first order (Sampson). Each of some hundred sightings m of the new
 camera is held against the set cameras at every instant k of a grid of common time: a table of losses L[m, k]. A clock
-t = T + s (tau_m - tau_mid) is a straight line through that table, so the cost of all offsets at one stretch s is a sum
-of shifted rows. The loss is bounded,
+t = T + s (tau_m - tau_mid) is a straight line through that table, so the cost of all offsets at one clock scale s is a
+sum of shifted rows. The loss is bounded,
 
     rho(e) = k^2/2 * e^2 / (e^2 + k^2),
 
@@ -36,19 +36,19 @@ LONGEST = 8000
 
 @dataclass(frozen=True, kw_only=True)
 class ClockRange:
-    """Where a clock may lie: offset beta within [low, high], stretch s = nominal rate / alpha within 1 +- `stretch`."""
+    """Where a clock may lie: offset beta within [low, high], s = nominal rate / alpha within 1 +- `clock_scale`."""
 
     low_s: float
     high_s: float
-    stretch: float
+    clock_scale: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClockGuess:
-    """A clock t = stretch * tau + offset, and what it costs."""
+    """A clock t = clock_scale * tau + offset, and what it costs."""
 
     offset_s: float
-    stretch: float
+    clock_scale: float
     cost: float = 0.0
 
 
@@ -80,7 +80,7 @@ class Rays:
     sigma_rad: Floats
 
 
-def crossing_residuals(a: Rays, b: Rays, shift_m: float) -> Floats:
+def crossing_residuals(a: Rays, b: Rays, position_bias_m: float) -> Floats:
     """e (b, a) in sigmas of every ray of b with every ray of a; inf where they meet behind a camera.
 
     With w the base line and c = a . b only inner products are needed, so that a table costs a few matrix products:
@@ -95,7 +95,7 @@ def crossing_residuals(a: Rays, b: Rays, shift_m: float) -> Floats:
     apart = 1 - cosine**2
     common = cosine * (cosine * base - 2 * along_a * along_b)
     square_a, square_b = a.sigma_rad**2, b.sigma_rad[:, None] ** 2
-    variance = (common + along_a**2) * square_a + (common + along_b**2) * square_b + apart * shift_m**2
+    variance = (common + along_a**2) * square_a + (common + along_b**2) * square_b + apart * position_bias_m**2
     residual = triple / np.sqrt(np.maximum(variance, 1e-30))
     behind = (along_a < cosine * along_b) | (cosine * along_a < along_b)
     residual[behind & (apart > 9 * (square_a + square_b))] = np.inf
@@ -104,11 +104,11 @@ def crossing_residuals(a: Rays, b: Rays, shift_m: float) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SetCamera:
-    """A camera whose clock is set: t = stretch * tau + offset."""
+    """A camera whose clock is set: t = clock_scale * tau + offset."""
 
     view: View
     offset_s: float
-    stretch: float
+    clock_scale: float
 
 
 def sweep(new: View, placed: Sequence[SetCamera], allowed: ClockRange, keep: int) -> tuple[ClockGuess, ...]:
@@ -136,7 +136,7 @@ def _grid_step(new: View, shared: Sequence[str]) -> float:
     for target in shared:
         track = thinned(new.tracks[target], 0.1, 4000)
         turn = np.linalg.norm(np.diff(track.ray, axis=0), axis=1) / np.diff(track.time_s)
-        sigma = np.sqrt(np.median(track.pixel_rad) ** 2 + new.tilt_rad**2 + new.tilt_noise_rad**2)
+        sigma = np.sqrt(np.median(track.pixel_rad) ** 2 + new.attitude_bias_rad**2 + new.attitude_noise_rad**2)
         steps.append(0.7 * sigma / max(float(np.percentile(turn, 80)), 1e-9))
     return float(np.clip(min(steps), 0.04, 0.25))
 
@@ -148,7 +148,7 @@ def _samples(new: View, shared: Sequence[str]) -> list[tuple[str, Track]]:
 
 def _common_span(placed: Sequence[SetCamera], shared: Sequence[str]) -> tuple[float, float]:
     ends = [
-        p.stretch * np.array([track.time_s[0], track.time_s[-1]]) + p.offset_s
+        p.clock_scale * np.array([track.time_s[0], track.time_s[-1]]) + p.offset_s
         for p in placed
         for target, track in p.view.tracks.items()
         if target in shared
@@ -164,15 +164,18 @@ def _loss_table(new: View, placed: Sequence[SetCamera], target: str, track: Trac
         if target not in other.view.tracks:
             continue
         partner = other.view.tracks[target]
-        at = partner.at((grid - other.offset_s) / other.stretch)
+        at = partner.at((grid - other.offset_s) / other.clock_scale)
         seen = np.flatnonzero(at.holds)
         if len(seen) == 0:
             continue
         count[seen] += 1
-        tilt = (other.view.tilt_rad**2 + other.view.tilt_noise_rad**2, new.tilt_rad**2 + new.tilt_noise_rad**2)
+        tilt = (
+            other.view.attitude_bias_rad**2 + other.view.attitude_noise_rad**2,
+            new.attitude_bias_rad**2 + new.attitude_noise_rad**2,
+        )
         sigma_a = np.sqrt(partner.pixel_rad[at.near[seen]] ** 2 + tilt[0])
         sigma_b = np.sqrt(track.pixel_rad**2 + tilt[1])
-        shift = np.sqrt(sum(v.shift_m**2 + v.shift_noise_m**2 for v in (new, other.view)))
+        shift = np.sqrt(sum(v.position_bias_m**2 + v.position_noise_m**2 for v in (new, other.view)))
         middle = at.centre_m[seen].mean(axis=0)
         partners = Rays(centre_m=at.centre_m[seen] - middle, ray=at.ray[seen], sigma_rad=sigma_a)
         for m in range(0, len(track), 32):
@@ -191,15 +194,15 @@ def _lines(
     """Sums of `gain` (m, k) along the straight lines of all allowed clocks; the lowest, apart from each other."""
     middle = 0.5 * (time_s.min() + time_s.max())
     half = max(0.5 * float(np.ptp(time_s)), step_s)
-    count = int(np.ceil(allowed.stretch / (2 * step_s / half)))
-    stretches = 1 + (np.linspace(-allowed.stretch, allowed.stretch, 2 * count + 1) if count else np.zeros(1))
+    count = int(np.ceil(allowed.clock_scale / (2 * step_s / half)))
+    clock_scales = 1 + (np.linspace(-allowed.clock_scale, allowed.clock_scale, 2 * count + 1) if count else np.zeros(1))
     costs, offsets = [], []
-    for stretch in stretches:
-        first = int(np.floor((stretch * middle + allowed.low_s - begin_s) / step_s))
-        last = int(np.ceil((stretch * middle + allowed.high_s - begin_s) / step_s))
-        costs.append(_shifted_sums(gain, np.round(stretch * (time_s - middle) / step_s).astype(int), first, last))
-        offsets.append(begin_s + step_s * np.arange(first, last + 1) - stretch * middle)
-    return _basins(costs, offsets, stretches, middle, step_s, keep, null * len(time_s))
+    for clock_scale in clock_scales:
+        first = int(np.floor((clock_scale * middle + allowed.low_s - begin_s) / step_s))
+        last = int(np.ceil((clock_scale * middle + allowed.high_s - begin_s) / step_s))
+        costs.append(_shifted_sums(gain, np.round(clock_scale * (time_s - middle) / step_s).astype(int), first, last))
+        offsets.append(begin_s + step_s * np.arange(first, last + 1) - clock_scale * middle)
+    return _basins(costs, offsets, clock_scales, middle, step_s, keep, null * len(time_s))
 
 
 def _shifted_sums(gain: Floats, lag: Ints, first: int, last: int) -> Floats:
@@ -216,17 +219,17 @@ def _shifted_sums(gain: Floats, lag: Ints, first: int, last: int) -> Floats:
 def _basins(
     costs: Sequence[Floats],
     offsets: Sequence[Floats],
-    stretches: Floats,
+    clock_scales: Floats,
     middle_s: float,
     step_s: float,
     keep: int,
     base: float,
 ) -> tuple[ClockGuess, ...]:
-    """The local minima, over the common time at mid-track, of the lowest cost of any stretch; best first."""
+    """The local minima, over the common time at mid-track, of the lowest cost of any clock_scale; best first."""
     cost = np.concatenate(costs)
     offset = np.concatenate(offsets)
-    stretch = np.repeat(stretches, [len(c) for c in costs])
-    bins = np.round((offset + stretch * middle_s) / step_s).astype(np.int64)
+    clock_scale = np.repeat(clock_scales, [len(c) for c in costs])
+    bins = np.round((offset + clock_scale * middle_s) / step_s).astype(np.int64)
     bins -= bins.min()
     profile = np.full(bins.max() + 1, np.inf)
     np.minimum.at(profile, bins, cost)
@@ -235,5 +238,6 @@ def _basins(
     is_best = lowest[bins] & (cost == profile[bins])
     best = np.flatnonzero(is_best)[np.argsort(cost[is_best], kind="stable")][:keep]
     return tuple(
-        ClockGuess(offset_s=float(offset[i]), stretch=float(stretch[i]), cost=float(base + cost[i])) for i in best
+        ClockGuess(offset_s=float(offset[i]), clock_scale=float(clock_scale[i]), cost=float(base + cost[i]))
+        for i in best
     )

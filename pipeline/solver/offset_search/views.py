@@ -2,7 +2,7 @@
 
 A world ray is x(r) = C + r d with C the measured optical centre (paper eq. 3) and d the measured sight-ray (paper
 eq. 4), both in ENU. The search works on rays alone: lens, frames and quaternions stay behind. A clock is the pair
-(offset beta, stretch s): common time t = s tau + beta, s = nominal rate / alpha (paper eq. 2).
+(offset beta, clock_scale s): common time t = s tau + beta, s = nominal rate / alpha (paper eq. 2).
 """
 
 from __future__ import annotations
@@ -113,16 +113,16 @@ class Track:
 class View:
     """One camera: its tracks by target name, and what its instruments are worth.
 
-    tilt_rad, shift_m            sigma of the constant attitude and position error
-    tilt_noise_rad, shift_noise_m  of the part that is independent from frame to frame
+    attitude_bias_rad, position_bias_m            sigma of the constant attitude and position error
+    attitude_noise_rad, position_noise_m  of the part that is independent from frame to frame
     """
 
     camera: str
     tracks: dict[str, Track]
-    tilt_rad: float
-    shift_m: float
-    tilt_noise_rad: float
-    shift_noise_m: float
+    attitude_bias_rad: float
+    position_bias_m: float
+    attitude_noise_rad: float
+    position_noise_m: float
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -162,14 +162,14 @@ def _view(camera: CameraInput) -> View:
     return View(
         camera=camera.camera,
         tracks=tracks,
-        tilt_rad=max(sigma.attitude_bias_rad, 1e-6),
-        shift_m=max(sigma.position_bias_m, 1e-6),
-        tilt_noise_rad=sigma.attitude_rad,
-        shift_noise_m=sigma.position_m,
+        attitude_bias_rad=max(sigma.attitude_bias_rad, 1e-6),
+        position_bias_m=max(sigma.position_bias_m, 1e-6),
+        attitude_noise_rad=sigma.attitude_rad,
+        position_noise_m=sigma.position_m,
     )
 
 
-def cleaned(track: Track, tilt_noise_rad: float) -> Track:
+def cleaned(track: Track, attitude_noise_rad: float) -> Track:
     """The track without labels that jump: further from the median of their neighbours than five robust sigmas."""
     half = WINDOW // 2
     if len(track) < 2 * WINDOW:
@@ -178,7 +178,7 @@ def cleaned(track: Track, tilt_noise_rad: float) -> Track:
     middle = np.median(track.ray[at], axis=1)
     away = np.linalg.norm(track.ray - middle, axis=1)
     usual = 1.4826 * np.median(away[at], axis=1)
-    noise = np.hypot(track.pixel_rad, tilt_noise_rad)
+    noise = np.hypot(track.pixel_rad, attitude_noise_rad)
     kept = away <= 5 * np.maximum(usual, noise)
     return track.taken(kept) if kept.sum() >= 4 else track
 

@@ -6,7 +6,7 @@ fallen below a tenth; a cluster is four times that long, but never so long that 
 
 Residuals are less alike than the errors they come from, since what is adjusted follows the slow ones, and a short
 flight has room for few clusters. Where errors last for a tenth of a flight, robust sigmas of clocks are too small
-(`scripts/check_correlated_errors.py`); what lasts for all of it has to be a parameter, as place errors are.
+(`scripts/validation/check_correlated_errors.py`); what lasts for all of it has to be a parameter, as place errors are.
 """
 
 from __future__ import annotations

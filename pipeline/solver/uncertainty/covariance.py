@@ -16,13 +16,10 @@ import numpy as np
 from scipy.linalg import cho_solve_banded
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.banded_system import Factor, band_of_inverse
+from pipeline.solver.adjustment.banded_system import Bordered, Factor, band_of_inverse, band_of_sandwich
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
 from pipeline.solver.observation.pose_wander import wander_penalty
-from pipeline.solver.uncertainty.jackknife import freed_gradients
-
-EXACT_ROWS = 400
-"""Prior rows up to which their part of the sandwich is exact; beyond, that many random sums of them stand for them."""
+from pipeline.solver.uncertainty.jackknife import freed
 
 
 class Covariance(Protocol):
@@ -105,13 +102,44 @@ class Inverse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sandwich:
-    """A covariance as the product of `columns` (n + q, m) with their own transpose."""
+    """V = N^-1 M N^-1, as far as `pairs` asks for it.
 
-    columns: Floats
+    With K, B, C the parts of N, E = K^-1 B, S = C - B'E and F' = (-E', 1), N^-1 is K^-1 and F S^-1 F' on top, so that
+
+        V = K^-1 M K^-1 + [K^-1 M F S^-1 F'] + [...]' + F S^-1 (F'M F) S^-1 F'
+
+    of which a band and what concerns the border is kept: memory linear in time.
+
+    band     (w + 1, n) of K^-1 M K^-1
+    half     (n, q) K^-1 M F S^-1
+    corner   (q, q) S^-1 F'M F S^-1
+    eliminated (n, q) E
+    """
+
+    band: Floats
+    half: Floats
+    corner: Floats
+    eliminated: Floats
+
+    @cached_property
+    def _spread(self) -> Floats:
+        return np.asarray(self.eliminated @ self.corner)
 
     def pairs(self, i: Ints, j: Ints) -> Floats:
         """See `Covariance`."""
-        return np.asarray(np.einsum("...m,...m->...", self.columns[i], self.columns[j], optimize=False))
+        i, j = np.broadcast_arrays(i, j)
+        n, out = self.band.shape[1], np.zeros(i.shape)
+        low, high = np.minimum(i, j), np.maximum(i, j)
+        both, corner = high < n, low >= n
+        if both.any():
+            a, b = low[both], high[both]
+            E, half = self.eliminated, self.half
+            coupled = ((self._spread[a] - half[a]) * E[b]).sum(-1) - (E[a] * half[b]).sum(-1)
+            out[both] = self.band[b - a, a] + coupled
+        mixed = ~both & ~corner
+        out[mixed] = (self.half - self._spread)[low[mixed], high[mixed] - n]
+        out[corner] = self.corner[i[corner] - n, j[corner] - n]
+        return out
 
 
 def motion_band(covariance: Covariance, model: Model, target: int) -> Floats:
@@ -126,60 +154,75 @@ def motion_band(covariance: Covariance, model: Model, target: int) -> Floats:
     return out
 
 
-def prior_rows(model: Model) -> Floats:
-    """(n + q, R): columns whose products sum to the information of the priors, or to it on average."""
+@dataclass(eq=False)
+class _Meat:
+    """M as it grows: band (w + 1, n) in lower form, as wide as it has to be, border (n, q), corner (q, q)."""
+
+    band: Floats
+    border: Floats
+    corner: Floats
+
+    def system(self) -> Bordered:
+        """The matrix, to multiply with."""
+        return Bordered(
+            band=self.band, border=self.border, corner=self.corner, gradient=np.zeros(sum(self.border.shape))
+        )
+
+    def add(self, rows: Ints, matrix: Floats) -> None:
+        """Adds a symmetric matrix at the unknowns `rows`, those of the band first and in order."""
+        n = self.band.shape[1]
+        k = int(np.searchsorted(rows, n))
+        top, low = rows[:k], rows[k:] - n
+        if k:
+            self._widen(int(top[-1] - top[0]) + 1)
+            i, j = np.tril_indices(k)
+            self.band[top[i] - top[j], top[j]] += matrix[i, j]
+            self.border[np.ix_(top, low)] += matrix[:k, k:]
+        self.corner[np.ix_(low, low)] += matrix[k:, k:]
+
+    def _widen(self, rows: int) -> None:
+        if rows > len(self.band):
+            more = np.zeros((rows - len(self.band), self.band.shape[1]))
+            self.band = np.concatenate([self.band, more])
+
+
+def _add_priors(model: Model, meat: _Meat) -> None:
+    """Adds the information of the priors: what they let vary is as large as they say."""
     order, priors = model.order, model.priors
-    size = order.n_band + order.n_border
     known = (order.camera >= 0) & (priors.camera_precision > 0)
-    parts = [np.zeros((size, int(known.sum())))]
-    parts[0][order.camera[known], np.arange(known.sum())] = np.sqrt(priors.camera_precision[known])
+    at = order.camera[known] - order.n_band
+    meat.corner[at, at] += priors.camera_precision[known]
     for c in range(len(model.frames.cameras)):
         own = model.drift.of(c)
         if model.drift_free and own.stop > own.start:
-            rows = np.zeros((size, own.stop - own.start))
-            rows[order.drift[own]] = np.linalg.cholesky(drift_penalty(model.drift, c, float(priors.drift_rate[c])))
-            parts.append(rows)
-    parts += _wander_columns(model, size)
-    rng = np.random.default_rng(0)
+            meat.add(order.drift[own], drift_penalty(model.drift, c, float(priors.drift_rate[c])))
+    if model.wander is not None:
+        for c, k in zip(*np.nonzero(model.wander.sigma > 0), strict=True):
+            meat.add(order.wander[model.wander.of(int(c)), k], wander_penalty(model.wander, int(c), int(k)))
     for n, target in enumerate(model.basis.targets):
         if target.kind == "spline":
-            parts.append(_jerk_columns(model, n, size, rng))
-    return np.concatenate(parts, axis=1)
+            first, rows, _ = jerk_penalty(model, n)
+            acting = order.coefficient[first[:, None] + np.arange(rows.shape[1])]
+            i, j = np.tril_indices(rows.shape[1])
+            for axis in range(3):
+                place = acting[..., axis]
+                np.add.at(meat.band, (place[:, i] - place[:, j], place[:, j]), rows[:, i] * rows[:, j])
 
 
-def _wander_columns(model: Model, size: int) -> list[Floats]:
-    """The Gauss-Markov priors of wandering poses."""
-    out: list[Floats] = []
-    wander = model.wander
-    for c in range(len(model.frames.cameras)):
-        own = slice(0, 0) if wander is None else wander.of(c)
-        for axis in range(6):
-            if wander is not None and own.stop > own.start and wander.sigma[c, axis] > 0:
-                rows = np.zeros((size, own.stop - own.start))
-                rows[model.order.wander[own, axis]] = np.linalg.cholesky(wander_penalty(wander, c, axis))
-                out.append(rows)
-    return out
+def sandwich(model: Model, state: State, plain: Inverse, system: Bordered, cluster: Ints) -> Sandwich:
+    """The cluster-robust covariance; `cluster` (F,) says which frames' errors belong together.
 
-
-def _jerk_columns(model: Model, n: int, size: int, rng: np.random.Generator) -> Floats:
-    """The white-jerk rows of one spline, all three axes; random sums of them where there are many."""
-    first, rows, _ = jerk_penalty(model, n)
-    acting = model.order.coefficient[first[:, None] + np.arange(rows.shape[1])]
-    spans = len(first)
-    exact = 3 * spans <= EXACT_ROWS
-    out = np.zeros((size, 3 * spans if exact else EXACT_ROWS))
-    for axis in range(3):
-        for a in range(rows.shape[1]):
-            if exact:
-                out[acting[:, a, axis], 3 * np.arange(spans) + axis] += rows[:, a]
-            else:
-                if a == 0:
-                    signs = rng.choice([-1.0, 1.0], size=(spans, EXACT_ROWS)) / np.sqrt(EXACT_ROWS)
-                np.add.at(out, acting[:, a, axis], rows[:, a, None] * signs)
-    return out
-
-
-def sandwich(model: Model, state: State, plain: Inverse, cluster: Ints) -> Sandwich:
-    """The cluster-robust covariance; `cluster` (F,) says which frames' errors belong together."""
-    meat = np.concatenate([freed_gradients(model, state, plain.block, cluster), prior_rows(model)], axis=1)
-    return Sandwich(columns=plain.factor.solve(meat))
+    `system` are the normal equations with their priors, `plain` their inverse.
+    """
+    n, q = system.border.shape
+    meat = _Meat(band=np.zeros_like(system.band), border=np.zeros((n, q)), corner=np.zeros((q, q)))
+    for _, rows, gradient in freed(model, state, plain.block, cluster):
+        meat.add(rows, np.multiply.outer(gradient, gradient))
+    _add_priors(model, meat)
+    E, whole = plain.factor.eliminated, meat.system()
+    through = whole.times(np.concatenate([-E, np.eye(q)]))  # M F
+    inner = through[n:] - E.T @ through[:n]  # F'M F
+    S = plain.corner
+    half = cho_solve_banded((plain.factor.band, True), through[:n], check_finite=False) @ S if n else through[:0]
+    band = band_of_sandwich(system.band, meat.band) if n else meat.band
+    return Sandwich(band=band, half=half, corner=S @ inner @ S, eliminated=E)

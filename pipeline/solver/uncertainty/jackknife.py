@@ -10,14 +10,15 @@ N_c touches only what acts while the cluster lasts, so that block of N^-1 is all
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global
-from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.assembly import CHUNK_BLOCKS, blocks_at, global_places, local_from_global, part_of
+from pipeline.solver.adjustment.elimination import BlockNormals, block_normals
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.observation.frame_blocks import Blocks
 
 MOST_LEVERAGE = 0.95
 """Where a cluster alone decides, its residuals say nothing of its errors; no gradient grows by more than 20."""
@@ -28,31 +29,56 @@ def freed_gradients(model: Model, state: State, block: Callable[[int, int, Ints]
 
     `block` gives blocks of the inverse of the normal matrix, priors and all: `Inverse.block`.
     """
-    blocks, at = blocks_at(model, state, cluster)
-    normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
-    places = global_places(model, blocks)
-    n, count = model.order.n_band, int(cluster.max()) + 1
-    out = np.zeros((n + model.order.n_border, count))
-    begin = np.searchsorted(blocks.cluster, np.arange(count + 1))
-    for c in range(count):
-        low, high = int(begin[c]), int(begin[c + 1])
-        if low == high:
-            continue
-        chain = local_from_global(model, blocks, low, high)
-        turned = np.swapaxes(chain, 1, 2)
-        share, vector = turned @ normals.normal[low:high] @ chain, turned @ normals.gradient[low:high, :, None]
-        place = places[low:high]
-        acting = np.unique(place[place >= 0])
-        if not len(acting):
-            continue
-        a, b = (int(acting[0]), int(acting[acting < n].max(initial=-1)) + 1) if acting[0] < n else (n, n)
-        rows = np.concatenate([np.arange(a, b), acting[acting >= n]])
-        size = len(rows)
-        own = np.where(place >= 0, np.searchsorted(rows, place), size)
-        information, gradient = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
-        for k in range(high - low):
-            information[own[k][:, None], own[k]] += share[k]
-            gradient[own[k]] += vector[k, :, 0]
-        left = np.eye(size) - MOST_LEVERAGE * information[:size, :size] @ block(a, b, rows[b - a :] - n)
-        out[rows, c] = np.linalg.solve(left, gradient[:size])
+    out = np.zeros((model.order.n_band + model.order.n_border, int(cluster.max()) + 1))
+    for c, rows, gradient in freed(model, state, block, cluster):
+        out[rows, c] = gradient
     return out
+
+
+def freed(
+    model: Model, state: State, block: Callable[[int, int, Ints], Floats], cluster: Ints
+) -> Iterator[tuple[int, Ints, Floats]]:
+    """Of every cluster its number, the unknowns that act while it lasts, and its gradient by them, freed of leverage.
+
+    Its unknowns of the band lie side by side and come first. Memory is bounded: some blocks are done at a time.
+    """
+    blocks, at = blocks_at(model, state, cluster)
+    begin = np.searchsorted(blocks.cluster, np.arange(int(cluster.max()) + 2))
+    low = 0
+    while low < len(begin) - 1:
+        high = max(low + 1, int(np.searchsorted(begin, begin[low] + CHUNK_BLOCKS, side="right")) - 1)
+        part, at_part = part_of(blocks, at, int(begin[low]), int(begin[high]))
+        normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
+        places = global_places(model, part)
+        for c in range(low, high):
+            first, last = int(begin[c] - begin[low]), int(begin[c + 1] - begin[low])
+            if first < last:
+                found = _freed(model, part, normals, places, block, first, last)
+                if found is not None:
+                    yield c, *found
+        low = high
+
+
+def _freed(
+    model: Model, blocks: Blocks, normals: BlockNormals, places: Ints, block: Callable[[int, int, Ints], Floats],
+    low: int, high: int,
+) -> tuple[Ints, Floats] | None:  # fmt: skip
+    """Of the cluster of blocks `low` to `high`: its unknowns and its gradient; None where nothing is free."""
+    n = model.order.n_band
+    chain = local_from_global(model, blocks, low, high)
+    turned = np.swapaxes(chain, 1, 2)
+    share, vector = turned @ normals.normal[low:high] @ chain, turned @ normals.gradient[low:high, :, None]
+    place = places[low:high]
+    acting = np.unique(place[place >= 0])
+    if not len(acting):
+        return None
+    a, b = (int(acting[0]), int(acting[acting < n].max(initial=-1)) + 1) if acting[0] < n else (n, n)
+    rows = np.concatenate([np.arange(a, b), acting[acting >= n]])
+    size = len(rows)
+    own = np.where(place >= 0, np.searchsorted(rows, place), size)
+    information, gradient = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
+    for k in range(high - low):
+        information[own[k][:, None], own[k]] += share[k]
+        gradient[own[k]] += vector[k, :, 0]
+    left = np.eye(size) - MOST_LEVERAGE * information[:size, :size] @ block(a, b, rows[b - a :] - n)
+    return np.asarray(rows), np.asarray(np.linalg.solve(left, gradient[:size]))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.stages.inputs.frames import video_clock
+from pipeline.stages.inputs.whose import check_datums, check_vehicles, left_over
 from pipeline.telemetry import (
     Excerpt,
     FlightLog,
@@ -17,6 +18,7 @@ from pipeline.telemetry import (
     is_pose_table,
     read_log,
     read_pose_table,
+    with_takeoff,
 )
 
 BIG_LOG_BYTES = 1 << 26
@@ -25,6 +27,16 @@ MARGIN_S = 60.0
 """Read of a big log before and after a video, for clocks that are refined; more where `start` is said to be uncertain
 or the video is long."""
 MARGIN_SIGMAS, MARGIN_SHARE = 10.0, 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Asked:
+    """What a camera asks of a file."""
+
+    path: Path
+    system: int | None = None
+    gimbal: int | None = None
+    dialect: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,26 +49,71 @@ class Sources:
 
 
 def open_sources(flight: Flight, progress: Callable[[str, float], None] | None = None) -> Sources:
-    """Reads every log and pose table once; the same file for two cameras is read once."""
-    by_path: dict[Path, FlightLog | PoseTable] = {}
+    """Reads every log and pose table once; what two cameras ask of the same file is read once.
+
+    Raises UsageError where it is not clear which vehicle or gimbal of a log a camera is on, where two cameras come to
+    one vehicle unasked, and where heights of two datums would meet.
+    """
+    opened: dict[_Asked, FlightLog | PoseTable] = {}
+    found: dict[str, FlightLog | PoseTable] = {}
     for camera in flight.cameras:
-        path = camera.telemetry
-        if path is not None and path not in by_path:
-            name = camera.name
-            tell = None if progress is None else (lambda share, name=name: progress(name, share))
-            table = is_pose_table(path)
-            by_path[path] = (
-                read_pose_table(path)
-                if table
-                else read_log(path, dialect=camera.dialect, excerpts=_excerpts(flight, path), progress=tell)
-            )
-    found = {c.name: by_path[c.telemetry] for c in flight.cameras if c.telemetry is not None}
+        if camera.telemetry is not None:
+            tell = None if progress is None else (lambda share, name=camera.name: progress(name, share))
+            found[camera.name] = _open(flight, camera, opened, tell)
     logs = {name: source for name, source in found.items() if isinstance(source, FlightLog)}
     tables = {name: source for name, source in found.items() if isinstance(source, PoseTable)}
+    check_vehicles(flight, logs)
+    logs = {name: _raised(flight, flight.camera(name), log) for name, log in logs.items()}
+    check_datums(flight, logs)
     origin = flight.origin
     if origin is None and logs:
         origin = first_position(logs.get(flight.reference_camera) or next(iter(logs.values())))
     return Sources(logs=logs, tables=tables, origin=origin)
+
+
+def _open(
+    flight: Flight,
+    camera: CameraSettings,
+    opened: dict[_Asked, FlightLog | PoseTable],
+    tell: Callable[[float], None] | None,
+) -> FlightLog | PoseTable:
+    path = camera.telemetry
+    assert path is not None
+    if is_pose_table(path):
+        asked = _Asked(path=path)
+        if asked not in opened:
+            opened[asked] = read_pose_table(path)
+        return opened[asked]
+    gimbal = camera.gimbal if camera.mount.gimbal else None
+    asked = _Asked(path=path, system=camera.system, gimbal=gimbal, dialect=camera.dialect)
+    if asked not in opened:
+        opened[asked] = _read(flight, asked, tell)
+    log = opened[asked]
+    assert isinstance(log, FlightLog)
+    if camera.system is None and len(log.systems) > 1:
+        asked = replace(asked, system=left_over(flight, camera, log))
+        if asked not in opened:
+            opened[asked] = _read(flight, asked, tell)
+    return opened[asked]
+
+
+def _read(flight: Flight, asked: _Asked, tell: Callable[[float], None] | None) -> FlightLog:
+    return read_log(
+        asked.path,
+        system=asked.system,
+        gimbal=asked.gimbal,
+        dialect=asked.dialect,
+        excerpts=_excerpts(flight, asked.path),
+        progress=tell,
+    )
+
+
+def _raised(flight: Flight, camera: CameraSettings, log: FlightLog) -> FlightLog:
+    takeoff = camera.takeoff
+    if takeoff is None:
+        return log
+    where = flight.key(camera.name, "takeoff")
+    return with_takeoff(log, takeoff.height_m, above_sea=takeoff.datum == "msl", where=where)
 
 
 def _excerpts(flight: Flight, log: Path) -> tuple[Excerpt, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import UsageError
 from calibration.foundation.progress import Progress, silent
-from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight, MountSettings
+from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight
 from pipeline.geometry import rotation
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
 from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock
@@ -26,6 +26,7 @@ from pipeline.telemetry import (
     camera_poses,
     covered,
     event_times,
+    log_seconds,
     log_sigma,
     log_span,
     resolve_start,
@@ -92,7 +93,7 @@ def _from_log(
     progress: Progress,
 ) -> MeasuredPoses:
     log, where = sources.logs[camera.name], flight.key(camera.name, "telemetry")
-    mount, lever, origin = _mount(camera.mount), np.array(camera.lever_arm_m), sources.origin
+    mount, lever, origin = _mount(camera), np.array(camera.lever_arm_m), sources.origin
     assert origin is not None
     notes = log.notes
     found: FoundStart | None = None
@@ -106,7 +107,7 @@ def _from_log(
     else:
         start = _start(flight, camera, log) if found is None else found.start_s
         frame, time = wanted_frames(camera, clock, rate, tracks)
-    log_time_s, told = _log_times(camera, log, frame, start + time, time)
+    log_time_s, told = _log_times(camera, log, frame, start + log_seconds(log, time), time)
 
     def at(frames: Ints, log_time_s: Floats) -> PoseTrack:
         return camera_poses(
@@ -132,7 +133,7 @@ def _from_log(
         still=False,
         utc_s=utc,
         utc_sigma_s=None if log.utc is None else _utc_sigma_s(log.utc.sigma_s, found),
-        poses_at=lambda base: lambda shift_s: at(base.frame, base.time_s + shift_s),
+        poses_at=lambda base: lambda shift_s: at(base.frame, base.time_s + log_seconds(log, shift_s)),
         notes=(*notes, *told),
     )
 
@@ -153,8 +154,11 @@ def _whole_log(
     """Start, and the frames that the log has poses for: a camera of which only the flight path is wanted."""
     begin, end = log_span(log)
     start = begin if camera.start is None else _start(flight, camera, log)
-    frame = np.arange(int((end - start) * rate) + 1)
-    inside = covered(log, start + frame / rate, mount=_mount(camera.mount), lever_arm_m=np.array(camera.lever_arm_m))
+    long_s = (end - start) / float(log_seconds(log, np.ones(1))[0])
+    frame = np.arange(int(long_s * rate) + 1)
+    inside = covered(
+        log, start + log_seconds(log, frame / rate), mount=_mount(camera), lever_arm_m=np.array(camera.lever_arm_m)
+    )
     missing = int((~inside).sum())
     notes = (
         (f"{missing} of {len(frame)} moments left out, where the log has a gap",) if missing and inside.any() else ()
@@ -219,5 +223,12 @@ def _utc_sigma_s(log_sigma_s: float, found: FoundStart | None) -> float:
     return float(np.hypot(log_sigma_s, found.sigma_s))
 
 
-def _mount(mount: MountSettings) -> Mount:
-    return Mount(yaw_rad=mount.yaw_rad, pitch_rad=mount.pitch_rad, roll_rad=mount.roll_rad, gimbal=mount.gimbal)
+def _mount(camera: CameraSettings) -> Mount:
+    mount, correction = camera.mount, camera.mount_correction
+    return Mount(
+        yaw_rad=mount.yaw_rad,
+        pitch_rad=mount.pitch_rad,
+        roll_rad=mount.roll_rad,
+        gimbal=mount.gimbal,
+        correction_rad=(correction.yaw_rad, correction.pitch_rad, correction.roll_rad),
+    )

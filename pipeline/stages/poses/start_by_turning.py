@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.camera_files.reading import read_camera
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError, UsageError
 from calibration.foundation.progress import Progress
-from pipeline.flight import CameraSettings, Flight
+from pipeline.flight import CameraSettings, Flight, VideoArea
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic
+from pipeline.stages.inputs.cameras import fitting_model
 from pipeline.stages.inputs.frames import VideoClock
 from pipeline.telemetry import GRID_S, FlightLog, LogTurning, Match, Mount, camera_poses, covered, log_span, match_turns
 from pipeline.tracking import ImageTurning, image_turning
@@ -53,7 +53,14 @@ def auto_start(
             expected="a video, whose picture shows how the camera turned",
             advice='give the video, or write start = "camera-event", seconds on the log\'s clock or a UTC time',
         )
-    seen = _turning(camera.video, camera.calibration, camera.video.stat().st_mtime_ns, _Tell(camera.name, progress))
+    seen = _turning(
+        camera.video,
+        camera.calibration,
+        camera.video_area,
+        flight.key(camera.name, "calibration"),
+        camera.video.stat().st_mtime_ns,
+        _Tell(camera.name, progress),
+    )
     log_turns = log_turning(log, mount, np.array(camera.lever_arm_m), origin, where)
     match = match_turns(clock.time_s[: len(seen.frame_time_s)], seen.turn_rad[: len(clock.time_s) - 1], log_turns)
     if not match.certain:
@@ -83,9 +90,11 @@ class _Tell:
 
 
 @lru_cache(maxsize=16)
-def _turning(video: Path, calibration: Path, changed_ns: int, tell: _Tell) -> ImageTurning:
+def _turning(
+    video: Path, calibration: Path, area: VideoArea | None, where: str, changed_ns: int, tell: _Tell
+) -> ImageTurning:
     """The turning of a video, measured once in a run."""
-    return image_turning(video, read_camera(calibration), tell)
+    return image_turning(video, fitting_model(calibration, video, area, where), tell)
 
 
 def log_turning(log: FlightLog, mount: Mount, lever_arm_m: Floats, origin: Geodetic, where: str) -> LogTurning:

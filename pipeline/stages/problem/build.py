@@ -12,6 +12,7 @@ from calibration.foundation.arrays import Ints
 from calibration.foundation.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import Flight
 from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
+from pipeline.stages.inputs.cameras import camera_notes
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
 from pipeline.stages.problem.rays import check_inside, sight_rays
@@ -41,6 +42,7 @@ def build_problem(
         if not own:
             notes.append(f"camera {pose.camera} sees no target and takes no part")
             continue
+        notes += camera_notes(pose.camera, models[pose.camera])
         check_inside(flight, models[pose.camera], own)
         rays, lost = sight_rays(models[pose.camera], pose.camera, own, names)
         rays = replace(rays, place_sigma_px=place_sigma_px(flight, flight.camera(pose.camera)))

@@ -16,7 +16,7 @@ from pipeline.stages.poses.measured import MeasuredPoses
 TELLING = 0.2
 """Share of a pixel's sigma below which an error of the focal length is not worth an unknown."""
 PLACE_FLOOR_PX, PLACE_SHARE = 0.25, 0.01
-"""Place error of a tracked point, one sigma: measured on rendered flights with boxes of 14 to 46 px (README, accuracy),
+"""Place error of a tracked point, one sigma: measured on rendered flights with boxes of 14 to 46 px (docs/tracking.md),
 where the constant and the drifting part are both 0.1 to 0.35 px."""
 
 

@@ -7,15 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.camera import CameraModel, pixel_from_ray, unproject
-from calibration.camera_files.reading import read_camera
 from calibration.foundation.errors import InputFileError
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack, SightRays
-
-
-def read_models(flight: Flight) -> dict[str, CameraModel]:
-    """The camera model of every camera."""
-    return {camera.name: read_camera(camera.calibration) for camera in flight.cameras}
 
 
 def sight_rays(
@@ -43,14 +37,19 @@ def sight_rays(
     return rays, int((~good).sum())
 
 
+OUTSIDE = 0.05
+"""Share of a side by which a target's middle may be outside: half of a large target that leaves the picture. Tracks
+made in a picture a tenth larger are found where a target comes near its border."""
+
+
 def check_inside(flight: Flight, model: CameraModel, tracks: Sequence[ImageTrack]) -> None:
-    """Raises InputFileError where a fix lies far outside of the image that the camera was calibrated for."""
+    """Raises InputFileError where a fix lies outside of the image that the camera was calibrated for."""
     width, height = model.image_size
     if not width or not height:
         return
     for track in tracks:
         xy = track.xy_px
-        margin = 0.5 * np.array([width, height])
+        margin = OUTSIDE * np.array([width, height])
         out = track.seen & ((xy < -margin) | (xy > np.array([width, height]) + margin)).any(axis=1)
         if out.any():
             row = int(np.flatnonzero(out)[0])

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 
@@ -16,8 +13,7 @@ from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Bias, ImageTrack, Motion, PoseTrack, Results, Solution, Trajectory
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import BuiltProblem
-
-NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
+from pipeline.stages.running.provenance import versions
 
 
 def sample(motion: Motion, rate_hz: float, robust: Motion | None = None) -> Trajectory:
@@ -32,34 +28,6 @@ def sample(motion: Motion, rate_hz: float, robust: Motion | None = None) -> Traj
         velocity_mps=velocity,
         covariance=(robust or motion).position_covariance(time),
     )
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file's content."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def input_files(flight: Flight) -> dict[str, Path]:
-    """Every file that a flight names, by the name it goes under in `solution.json`."""
-    files = {flight.path.name: flight.path}
-    for camera in flight.cameras:
-        for key in ("calibration", "video", "tracks", "telemetry"):
-            path = getattr(camera, key)
-            if path is not None and path.exists():
-                files[f"cameras.{camera.name}.{key}"] = path
-    return files
-
-
-def versions() -> dict[str, str]:
-    """Versions of the packages that shape a result."""
-    found = {}
-    for name in NAMED_PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def refined_poses(measured: PoseTrack, refined: PoseTrack, bias: Bias | None) -> PoseTrack:

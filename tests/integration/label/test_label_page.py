@@ -17,8 +17,8 @@ import pytest
 
 from pipeline.export import read_tracks_csv
 from pipeline.label import LabelSession, label_server, page_text
+from pipeline.synthetic.moving_cars import first_box, render, scene, truth, write
 from tests.integration.report.test_report_browser import BROWSER, browse_address
-from tests.scenes.moving import first_box, render, scene, truth, write
 
 FRAMES, SIZE = 40, (480, 320)
 FLIGHT = """# a flight under the label page

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 
-SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "check_solver_limit.py"
+from scripts.validation import check_solver_limit as script
 
 
-def test_a_cell_is_flown_and_judged(monkeypatch):
-    spec = importlib.util.spec_from_file_location("check_solver_limit", SCRIPT)
-    script = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "check_solver_limit", script)  # where its dataclasses look for their names
-    spec.loader.exec_module(script)
+def test_a_cell_is_flown_and_judged():
     cell = script.CELLS[-1]  # four targets, a rate that is 10 % wrong
     row = script.row_of(cell, script.Job(cell=cell, seeds=tuple(range(6)))())
     assert row.converged == 6

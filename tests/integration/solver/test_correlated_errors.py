@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scripts.check_correlated_errors import ERRORS, POSES, Errors, ratios
+from scripts.validation.check_correlated_errors import ERRORS, POSES, Errors, ratios
 
 RUNS = 60
 

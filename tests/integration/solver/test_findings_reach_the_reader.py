@@ -11,7 +11,7 @@ import pytest
 from calibration.foundation.errors import GeometryError
 from pipeline.export import solution_json
 from pipeline.records import Problem, SolverSettings
-from pipeline.report.summary import remarks
+from pipeline.report.views.summary import remarks
 from pipeline.solver import solve
 from tests.scenes.export import tiny_results
 from tests.unit.solver.observability.test_findings import (

@@ -24,11 +24,11 @@ from pipeline.records import (
     TargetInput,
 )
 from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
+from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.sources import open_sources
 from pipeline.stages.inputs.tracks import detections
 from pipeline.stages.poses.measure import measure_poses
 from pipeline.stages.problem.build import build_problem
-from pipeline.stages.problem.rays import read_models
 
 REAL = Path(__file__).parents[4] / "shared/real/multicam"
 SIGMA = InstrumentSigma(

@@ -13,8 +13,8 @@ from pipeline.cli.main import main
 from pipeline.export import read_tracks_csv, tracks_csv
 from pipeline.flight import read_flight
 from pipeline.stages import run_track
+from pipeline.synthetic.moving_cars import Scene, first_box, render, scene, truth, write
 from pipeline.tracking import track_video
-from tests.scenes.moving import Scene, first_box, render, scene, truth, write
 
 FRAMES, VISIBLE = 40, 0.9
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from pipeline.cli.main import main
+from pipeline.synthetic.moving_cars import first_box, render, scene, truth, write
 from pipeline.tracking import propose_targets
-from tests.scenes.moving import first_box, render, scene, truth, write
 
 FRAMES, SIZE = 60, (480, 320)
 

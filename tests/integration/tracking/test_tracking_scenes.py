@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.records import LOST, REACQUIRED, Box
+from pipeline.synthetic.moving_cars import Scene, first_box, render, scene, truth, write
 from pipeline.tracking import TrackingSettings, VideoTracks, overlay_frame, track_video, write_overlay
-from tests.scenes.moving import Scene, first_box, render, scene, truth, write
 
 SEED, FRAMES, SIZE = 31, 110, (480, 320)
 HIDDEN, VISIBLE = 0.1, 0.9

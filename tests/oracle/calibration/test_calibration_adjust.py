@@ -9,7 +9,8 @@ import pytest
 from calibration.adjustment.bundle import Fit, Model, adjust, jacobians, project_all, stacked
 from calibration.adjustment.covariance import believed, corner_noise_px, held_out_px, uncertainty
 from calibration.adjustment.initialisation import first_fit
-from tests.scenes.calibration import BOARD, camera, computed_views, poses, true_corners
+from pipeline.synthetic.board_views import camera, poses, true_corners
+from tests.scenes.calibration import BOARD, computed_views
 
 MIDDLE = BOARD.points_m - BOARD.points_m.mean(axis=0)
 FULL = Model(lens="pinhole", free=np.ones(9, bool), board_m=MIDDLE)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from calibration import read_camera, write_camera
-from tests.scenes.calibration import camera
+from pipeline.synthetic.board_views import camera
 
 
 @pytest.mark.parametrize(("name", "suffix"), [("opencv-yaml", ".yml"), ("opencv-xml", ".xml")])

@@ -13,7 +13,7 @@ import pytest
 
 from calibration import read_camera, write_camera
 from calibration.camera import project
-from tests.scenes.calibration import camera
+from pipeline.synthetic.board_views import camera
 
 LENSES = [
     camera(distortion=(-0.3, 0.1, 1e-5, -2e-3, 0.01)),

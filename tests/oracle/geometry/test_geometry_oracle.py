@@ -18,7 +18,7 @@ from pipeline.geometry.geodesy import (
     geodetic_from_ecef,
     geodetic_from_enu,
 )
-from pipeline.telemetry.geoid import geoid_height_m
+from pipeline.telemetry.heights.egm96 import geoid_height_m
 
 RNG = np.random.default_rng(7)
 LAT = np.concatenate([np.radians(RNG.uniform(-90, 90, 400)), np.radians([90.0, -90.0, 0.0, 0.0, 45.0, 89.9999])])

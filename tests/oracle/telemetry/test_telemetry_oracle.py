@@ -10,10 +10,10 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from pipeline.telemetry import camera_poses, covered, first_position, read_log
-from pipeline.telemetry.camera_pose import Mount
-from pipeline.telemetry.dataflash import read_dataflash
-from pipeline.telemetry.mavlink_fast import read_mavlink_fast
-from pipeline.telemetry.mavlink_plain import read_mavlink_plain
+from pipeline.telemetry.camera_pose.from_log import Mount
+from pipeline.telemetry.dataflash.messages.read import read_dataflash
+from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
+from pipeline.telemetry.mavlink.packets.plain import read_mavlink_plain
 from tests.scenes.logs import Link, dataflash, fly
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "logs"
@@ -214,7 +214,7 @@ def test_real_px4_logs():
 
 
 def test_the_plain_reader_gives_the_same_flight(tmp_path):
-    from pipeline.telemetry.mavlink_poses import mavlink_flight
+    from pipeline.telemetry.mavlink.flight import mavlink_flight
 
     link = Link()
     fly(link, seconds=3)

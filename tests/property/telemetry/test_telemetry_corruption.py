@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from calibration.foundation.errors import InputFileError
 from pipeline.telemetry import read_log
-from pipeline.telemetry.dataflash import read_dataflash, read_dataflash_text
-from pipeline.telemetry.mavlink_fast import read_mavlink_fast
-from pipeline.telemetry.mavlink_plain import read_mavlink_plain
+from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
+from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
+from pipeline.telemetry.mavlink.packets.plain import read_mavlink_plain
 from tests.scenes.logs import Link, dataflash_records, fly
 
 KINDS = ("flip", "insert", "drop", "cut", "end")
@@ -168,7 +168,8 @@ def test_garbage_behind_a_message_leaves_it_and_garbage_inside_takes_it(tmp_path
 @pytest.mark.parametrize("version", [1, 2])
 def test_the_walk_finds_what_the_scan_finds(tmp_path, monkeypatch, kind, version):
     """Small logs are read without the compiled loops as far as they are undamaged: the same tables, to the byte."""
-    from pipeline.telemetry import mavlink_fast, mavlink_scan
+    from pipeline.telemetry.mavlink.packets import fast as mavlink_fast
+    from pipeline.telemetry.mavlink.packets import scan as mavlink_scan
 
     link = Link(version=version)
     fly(link, seconds=5)

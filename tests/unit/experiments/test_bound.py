@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.experiments.bound import BIAS, bound, camera_jacobian, camera_rows, mean_length, unknowns
 from pipeline.experiments.declare import Spell
-from pipeline.experiments.noises import HIGH, LOW, with_known_clocks
-from pipeline.experiments.scenes import one_camera, paper_flight
+from pipeline.experiments.flying.bound import BIAS, bound, camera_jacobian, camera_rows, mean_length, unknowns
+from pipeline.experiments.paper.noise_levels import HIGH, LOW, with_known_clocks
+from pipeline.experiments.paper.scenes import one_camera, paper_flight
 from pipeline.geometry import rotation
 from pipeline.records import SolverSettings
 from pipeline.solver import solve

@@ -7,12 +7,9 @@ import pytest
 
 from calibration.foundation.errors import UsageError
 from pipeline.experiments import EXPERIMENTS, experiment_named
-from pipeline.experiments.answers import optimum
-from pipeline.experiments.approaches import LI, LI_TO_THE_END, MAP, MULTI_TI, PLAIN_LI, PLAIN_LI_TO_THE_END
-from pipeline.experiments.count_experiments import occlusion, solvable
 from pipeline.experiments.declare import Grid, Path3D, Spell
-from pipeline.experiments.figures import FIGURES, words
-from pipeline.experiments.flights import (
+from pipeline.experiments.flying.answers import optimum
+from pipeline.experiments.flying.flights import (
     answer,
     cell_scene,
     flown,
@@ -23,8 +20,11 @@ from pipeline.experiments.flights import (
     told,
     without_hidden,
 )
-from pipeline.experiments.measure import MEASURES, place, viewpoint_errors
-from pipeline.experiments.summary import estimate
+from pipeline.experiments.flying.measure import MEASURES, place, viewpoint_errors
+from pipeline.experiments.paper.approaches import LI, LI_TO_THE_END, MAP, MULTI_TI, PLAIN_LI, PLAIN_LI_TO_THE_END
+from pipeline.experiments.paper.counts import occlusion, solvable
+from pipeline.experiments.statistics.figures import FIGURES, words
+from pipeline.experiments.statistics.summary import estimate
 from pipeline.solver.observation.clocks import OFFSET
 from pipeline.synthetic.scene import camera_pose
 

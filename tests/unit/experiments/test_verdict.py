@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.experiments import experiment_named
-from pipeline.experiments.measure import MEASURES, place
-from pipeline.experiments.page import render_page
-from pipeline.experiments.ratios import of_means, of_medians
-from pipeline.experiments.summary import cell_bounds, summarise
-from pipeline.experiments.verdict import sentence, verdict
+from pipeline.experiments.flying.measure import MEASURES, place
+from pipeline.experiments.pages.page import render_page
+from pipeline.experiments.statistics.ratios import of_means, of_medians
+from pipeline.experiments.statistics.summary import cell_bounds, summarise
+from pipeline.experiments.statistics.verdict import sentence, verdict
 
 RUNS = 200
 

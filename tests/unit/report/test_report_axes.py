@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.axes import Scale, nice_step, round_ticks, span
+from pipeline.report.charts.axes import Scale, nice_step, round_ticks, span
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-4, 1e7), st.integers(3, 9))

@@ -11,16 +11,16 @@ import pytest
 
 from pipeline.geometry.geodesy import enu_from_geodetic
 from pipeline.records import Bias, Comparison, OffsetCandidate, Results
-from pipeline.report.camera_view import orientation
-from pipeline.report.clock_view import timing
-from pipeline.report.correlation_view import correlations
-from pipeline.report.map_view import map_figure
-from pipeline.report.provenance_view import provenance
-from pipeline.report.residual_view import DRAWN, residual_figures
-from pipeline.report.space_view import focal_px, space_data
-from pipeline.report.time_views import height_and_speed, uncertainty_figure
-from pipeline.report.timeline_view import targets_table, timeline_figure
-from pipeline.report.truth_view import truth_figures
+from pipeline.report.views.cameras import orientation
+from pipeline.report.views.clocks import timing
+from pipeline.report.views.correlation import correlations
+from pipeline.report.views.over_time import height_and_speed, uncertainty_figure
+from pipeline.report.views.overhead_map import map_figure
+from pipeline.report.views.provenance import provenance
+from pipeline.report.views.residuals import DRAWN, residual_figures
+from pipeline.report.views.space import focal_px, space_data
+from pipeline.report.views.timeline import targets_table, timeline_figure
+from pipeline.report.views.truth import truth_figures
 from tests.scenes.report import FOCAL_PX, fake_results
 
 
@@ -178,7 +178,7 @@ def test_biases_are_in_degrees_with_their_sigma(results):
 def test_the_frame_by_frame_correction_has_the_bias_sign(results):
     """Refined = exp(rotation) measured, in camera axes: the drawn correction must have the sign of the bias."""
     from pipeline.geometry import rotation
-    from pipeline.report.camera_view import _turns_deg
+    from pipeline.report.views.cameras import _turns_deg
 
     refined = results.solution.poses[0]
     turn = np.array([0.01, -0.02, 0.005])

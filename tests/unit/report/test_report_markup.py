@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.report.markup import Html, data_script, number, path, specks, tag
+from pipeline.report.text.markup import Html, data_script, number, path, specks, tag
 
 
 def test_plain_text_is_escaped_and_markup_is_not():

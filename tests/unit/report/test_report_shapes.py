@@ -1,4 +1,4 @@
-"""Ellipses, labels, thinning and spells: what the figures are made of."""
+"""Ellipses, labels, thinning and state_intervals: what the figures are made of."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pipeline.records import LOST, REACQUIRED, TRACKED
-from pipeline.report import cast
-from pipeline.report.ellipses import ellipse_path, enlargement
-from pipeline.report.placing import place
-from pipeline.report.spells import losses, spells, times_seen
+from pipeline.report.charts.ellipses import ellipse_path, enlargement
+from pipeline.report.charts.placing import place
+from pipeline.report.data import participants
+from pipeline.report.data.visibility import losses, state_intervals, times_seen
 from tests.scenes.report import fake_results
 
 SIGHTING_ARRAYS = ("time_s", "residual_px", "residual_sigma", "position_enu_m")
@@ -48,7 +48,7 @@ def test_names_keep_apart_and_inside():
 
 @pytest.mark.parametrize(("n", "limit"), [(10, 20), (1000, 7), (2, 1), (0, 5)])
 def test_thinning_keeps_both_ends(n, limit):
-    at = cast.thinned(n, limit)
+    at = participants.thinned(n, limit)
     assert len(at) <= max(limit, n and 1)
     assert len(set(at)) == len(at)
     if n and limit > 1:
@@ -58,11 +58,21 @@ def test_thinning_keeps_both_ends(n, limit):
 def test_spells_follow_the_states():
     results = fake_results()
     track = results.tracks[0]
-    found = spells(results, track)
+    found = state_intervals(results, track)
     assert [s.state for s in found] == [TRACKED, LOST, REACQUIRED]
     assert all(a.end_s == b.start_s for a, b in pairwise(found))
     assert losses(results, track.target) == 2
     assert len(times_seen(results, track.camera, track.target)) == 2
+
+
+def test_a_target_that_is_never_found_again_was_not_lost_and_found():
+    results = fake_results()
+    track = results.tracks[0]
+    for states, count in (([TRACKED, LOST, LOST], 0), ([LOST, TRACKED, LOST], 1), ([LOST, TRACKED, TRACKED], 1)):
+        state = np.repeat(states, -(-len(track.frame) // 3))[: len(track.frame)]
+        xy = np.where((state == LOST)[:, None], np.nan, np.zeros((len(state), 2)))
+        alone = dataclasses.replace(track, state=state, xy_px=xy)
+        assert losses(dataclasses.replace(results, tracks=(alone,)), track.target) == count
 
 
 def test_a_gap_in_the_frames_is_a_loss():
@@ -74,7 +84,7 @@ def test_a_gap_in_the_frames_is_a_loss():
         **{k: getattr(track, k)[keep] for k in ("frame", "time_s", "xy_px", "sigma_px")},
         state=np.zeros(len(keep), int),
     )
-    found = spells(results, cut)
+    found = state_intervals(results, cut)
     assert [s.state for s in found] == [TRACKED, LOST, REACQUIRED]
     assert found[1].start_s == pytest.approx(49 / 25)
     assert found[1].end_s == pytest.approx(90 / 25)
@@ -86,8 +96,8 @@ def test_frames_are_placed_by_clock_and_container():
     moved = dataclasses.replace(results, tracks=late)
     frames = np.array([0, 100])
     clock = results.solution.clock("uav2")
-    assert cast.frame_times(results, "uav2", frames) == pytest.approx(clock.common_time_s(frames / 25))
-    assert cast.frame_times(moved, "uav2", frames) == pytest.approx(clock.common_time_s(frames / 25 + 0.5))
+    assert participants.frame_times(results, "uav2", frames) == pytest.approx(clock.common_time_s(frames / 25))
+    assert participants.frame_times(moved, "uav2", frames) == pytest.approx(clock.common_time_s(frames / 25 + 0.5))
 
 
 def test_what_nobody_saw_is_not_well_known():
@@ -105,8 +115,8 @@ def test_what_nobody_saw_is_not_well_known():
     )
     gone = dataclasses.replace(results, solution=dataclasses.replace(results.solution, sightings=cut))
     track = results.trajectories[0]
-    known = cast.well_known(gone, track)
-    assert cast.well_known(results, track).all()
+    known = participants.well_known(gone, track)
+    assert participants.well_known(results, track).all()
     assert not known[(track.time_s > 9.1) & (track.time_s < 10.9)].any()
     assert known[(track.time_s < 8) | (track.time_s > 12)].all()
 
@@ -116,6 +126,6 @@ def test_a_wide_sigma_is_not_well_known():
     track = results.trajectories[0]
     factor = np.where(track.time_s > 15, 100.0, 1.0)
     wide = dataclasses.replace(track, covariance=track.covariance * factor[:, None, None])
-    known = cast.well_known(results, wide)
+    known = participants.well_known(results, wide)
     assert known[track.time_s <= 15].all()
     assert not known[track.time_s > 15].any()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.records import Finding, OffsetCandidate, Results
-from pipeline.report.summary import header, remarks, typical_sigma_m, verdict
+from pipeline.report.views.summary import header, remarks, typical_sigma_m, verdict
 from tests.scenes.report import fake_results
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from pipeline.report.words import NARROW, counted, degrees_of_place, fixed, listed, plus_minus, rounded, utc
+from pipeline.report.text.words import NARROW, counted, degrees_of_place, fixed, listed, plus_minus, rounded, utc
 
 
 @pytest.mark.parametrize(

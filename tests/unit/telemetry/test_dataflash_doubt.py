@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.telemetry.dataflash_doubt import _numbers, is_whole
-from pipeline.telemetry.dataflash_layout import Layout
+from pipeline.telemetry.dataflash.messages.doubt import _numbers, is_whole
+from pipeline.telemetry.dataflash.messages.layout import Layout
 
 
 def layout(letters: str) -> Layout:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.telemetry import log_sigma, read_log
-from pipeline.telemetry.ulog import _accuracy as ulog_accuracy
+from pipeline.telemetry.ulog.accuracy import stated_accuracy as ulog_accuracy
 from tests.scenes import logs as written_logs
 from tests.scenes.logs import Link, dataflash_records, definitions, fly, record
 

@@ -12,8 +12,8 @@ import pytest
 from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import Geodetic, enu_from_geodetic
 from pipeline.telemetry import Mount, camera_poses
-from pipeline.telemetry.flight_log import BODY, EARTH, HEADING
-from pipeline.telemetry.gimbal_frames import frame_of_flags
+from pipeline.telemetry.gimbals.frames import frame_of_flags
+from pipeline.telemetry.log.flight_log import BODY, EARTH, HEADING
 from tests.scenes.logs import PLACE, log_of, turned
 
 E, N, U = np.eye(3)

@@ -11,21 +11,13 @@ import numpy as np
 import pytest
 
 from calibration.foundation.errors import InputFileError
-from pipeline.telemetry import (
-    Excerpt,
-    Mount,
-    camera_poses,
-    excerpt,
-    first_position,
-    log_sigma,
-    pieces,
-    read_log,
-    utc_at,
-)
-from pipeline.telemetry.dataflash import read_dataflash
-from pipeline.telemetry.excerpt_formats import dataflash_pieces, tlog_pieces
-from pipeline.telemetry.mavlink_fast import read_mavlink_fast
-from pipeline.telemetry.pieces import bytes_in, joined, sampled, share_read
+from pipeline.telemetry import Excerpt, Mount, camera_poses, first_position, log_sigma, read_log, utc_at
+from pipeline.telemetry.dataflash.messages.read import read_dataflash
+from pipeline.telemetry.excerpts import excerpt
+from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
+from pipeline.telemetry.log import byte_ranges as pieces
+from pipeline.telemetry.log.byte_ranges import bytes_in, joined, sampled, share_read
+from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
 from tests.scenes.logs import BOOT_UTC_S, PLACE, RECORD_EPOCH_S, Link, dataflash_records, fly
 
 SECONDS, BOOT_S = 600.0, 100.0

@@ -13,22 +13,22 @@ from pipeline.geometry import rotation
 from pipeline.telemetry import (
     Mount,
     camera_poses,
-    clocks,
     covered,
     event_times,
     first_position,
     log_sigma,
     log_span,
-    mavlink_fast,
     read_log,
     resolve_start,
     utc_at,
 )
-from pipeline.telemetry.dataflash import read_dataflash_text
-from pipeline.telemetry.dataflash_poses import dataflash_flight
-from pipeline.telemetry.flight_log import BODY, HEADING
-from pipeline.telemetry.mavlink_fast import read_mavlink_fast
-from pipeline.telemetry.mavlink_plain import dialect_module
+from pipeline.telemetry.clocks import boot_clock as clocks
+from pipeline.telemetry.dataflash.flight import dataflash_flight
+from pipeline.telemetry.dataflash.messages.read import read_dataflash_text
+from pipeline.telemetry.log.flight_log import BODY, HEADING
+from pipeline.telemetry.mavlink.packets import fast as mavlink_fast
+from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
+from pipeline.telemetry.mavlink.packets.plain import dialect_module
 from tests.scenes.logs import (
     BOOT_UTC_S,
     PLACE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scripts.check_tracking import correlation, parts, without_mean
+from scripts.validation.check_tracking import correlation, parts, without_mean
 
 FRAMES, CARS = 400, 30
 

@@ -5,7 +5,7 @@ import pytest
 
 from calibration import FORMATS, CameraModel, read_camera, write_camera
 from calibration.foundation.errors import InputFileError, UsageError
-from tests.scenes.calibration import camera
+from pipeline.synthetic.board_views import camera
 
 GOOD = {
     "model": "pinhole",
@@ -89,7 +89,7 @@ def test_a_missing_image_size_is_allowed_and_said(tmp_path):
         ({"K": [[float("nan"), 0, 320], [0, 501, 240], [0, 0, 1]]}, "NaN"),
         ({"K": [[-500, 0, 320], [0, 501, 240], [0, 0, 1]]}, "focal lengths above 0"),
         ({"K": [[500, 0, 320], [0, 501, 240]]}, "3 x 3"),
-        ({"K": [[500, 0, 0], [0, 501, 0], [320, 240, 1]]}, "row by row"),
+        ({"K": [[500, 0, 0], [0, 501, 0], [320, 240, 1]]}, "transposed"),
         ({"K": [[500, 3, 320], [0, 501, 240], [0, 0, 1]]}, "skew"),
         ({"K": [[500, 0, 5000], [0, 501, 240], [0, 0, 1]]}, "principal point"),
         ({"K": "wide"}, "not numbers"),

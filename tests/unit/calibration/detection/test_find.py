@@ -8,7 +8,8 @@ from calibration.boards.board import Board
 from calibration.detection.find import find_board, looks_like
 from calibration.detection.squares import edge_blur_px
 from calibration.detection.subpixel import refined
-from tests.scenes.calibration import BOARD, camera, poses, render, rendered_photos, true_corners
+from pipeline.synthetic.board_views import camera, poses, render, true_corners
+from tests.scenes.calibration import BOARD, rendered_photos
 
 
 @cache

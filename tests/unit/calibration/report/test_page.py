@@ -2,7 +2,8 @@ from html.parser import HTMLParser
 
 from calibration import RejectedView, calibrate
 from calibration.report.page import calibration_page
-from tests.scenes.calibration import BOARD, camera, computed_views
+from pipeline.synthetic.board_views import camera
+from tests.scenes.calibration import BOARD, computed_views
 
 
 class Tags(HTMLParser):

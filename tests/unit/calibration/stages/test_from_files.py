@@ -11,7 +11,8 @@ from calibration.foundation.errors import InputFileError, UsageError
 from calibration.photos.metadata import metadata_of
 from calibration.photos.reading import find_photos, read_photo
 from calibration.stages.from_files import spread_out
-from tests.scenes.calibration import BOARD, camera, computed_views, rendered_photos
+from pipeline.synthetic.board_views import camera
+from tests.scenes.calibration import BOARD, computed_views, rendered_photos
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,8 @@ from calibration import calibrate
 from calibration.adjustment.bundle import project_with_jacobian
 from calibration.boards.view import BoardView
 from calibration.foundation.errors import CalibrationError, InputFileError, UsageError
-from tests.scenes.calibration import BOARD, camera, computed_views, poses, true_corners
+from pipeline.synthetic.board_views import camera, poses, true_corners
+from tests.scenes.calibration import BOARD, computed_views
 
 
 @cache

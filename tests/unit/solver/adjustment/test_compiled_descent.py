@@ -1,4 +1,4 @@
-"""The compiled descent against the plain loop: the same path, the same end, the same linear system there."""
+"""Compiled steps against the plain ones: the same path, the same end, the same linear system there."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import pytest
 
 from calibration.foundation.errors import GeometryError
 from pipeline.records import SolverSettings
-from pipeline.solver.adjustment import _kernels, compiled_descent
+from pipeline.solver.adjustment import _descent, _kernels, compiled_descent
+from pipeline.solver.adjustment import levenberg_marquardt as levenberg_marquardt_module
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, levenberg_marquardt, levenberg_marquardt_plain
+from pipeline.solver.adjustment.log_poses import carry_plain
 from pipeline.solver.methods import initialisation, intersection
 from pipeline.solver.methods.parameters import first_camera, first_choice, first_model
 from pipeline.solver.observation.observations import metric, pack
@@ -62,11 +64,13 @@ def test_the_same_path(method, robust, place_px, lensed):
 
 
 @pytest.mark.parametrize(("place_px", "lensed"), [((0.0, 0.0), False), ((2.0, 1.0), False), ((0.0, 0.0), True)])
-def test_the_same_stages_of_a_graduated_loss(place_px, lensed):
+def test_the_same_stages_of_a_graduated_loss(monkeypatch, place_px, lensed):
     model, state = begun("map", "huber", place_px, lensed)
     start = intersection.intersect(model, state)
     fast = initialisation.graduated(model, start, Descent(max_iterations=20))
-    plain = initialisation.graduated_plain(model, start, Descent(max_iterations=20))
+    for module in (compiled_descent, levenberg_marquardt_module):
+        monkeypatch.setattr(module, "is_dense", lambda _: False)
+    plain = initialisation.graduated(model, start, Descent(max_iterations=20))
     assert fast.iterations == plain.iterations > 3
     assert fast.cost == pytest.approx(plain.cost, rel=1e-9)
     np.testing.assert_allclose(fast.state.camera, plain.state.camera, rtol=1e-6, atol=1e-6)
@@ -104,9 +108,37 @@ def test_an_undetermined_motion_is_refused_either_way(monkeypatch, compiled):
 
 def test_warming_up_compiles_what_a_descent_uses():
     compiled_descent.warm()
-    from pipeline.solver.adjustment import _descent
+    used = (
+        _descent.localise, _descent.folded, _descent.damped_step, _descent.tried, _descent.motion_alone,
+        _descent.motion_columns, _kernels.block_normals, _kernels.kept_steps, _kernels.squared_lengths,
+    )  # fmt: skip
+    for place_px, lensed in (((0.0, 0.0), False), ((2.0, 1.0), True)):
+        model, state = begun("map", "huber", place_px, lensed)
+        initialisation.graduated(model, intersection.intersect(model, state), Descent(max_iterations=5))
+    assert [len(k.signatures) for k in used] == [1] * len(used)
 
-    before = len(_descent.graduated.signatures)
+
+@pytest.mark.parametrize("wobbly", [False, True])
+def test_poses_that_move_with_the_clocks_take_the_same_path(wobbly):
+    """What a log's poses need: they are renewed at every point, and their rates are derivatives."""
     model, state = begun("map")
-    levenberg_marquardt(model, intersection.intersect(model, state))
-    assert len(_descent.graduated.signatures) == before
+    start = intersection.intersect(model, state)
+    rate = np.random.default_rng(1).normal(size=(model.frames.count, 6)) * [0.05, 0.05, 0.05, 5, 5, 5]
+    model = replace(model, frames=replace(model.frames, pose_rate=rate))
+
+    def renew(model, state):
+        if not wobbly:
+            return model
+        turn, position = model.frames.cam_from_enu.copy(), model.frames.position_m.copy()
+        now = model.frames.video_s * state.camera[model.frames.camera, 8]
+        carry_plain(rate, now - model.frames.pose_shift_s, turn, position)
+        return replace(model, frames=replace(model.frames, cam_from_enu=turn, position_m=position, pose_shift_s=now))
+
+    given = Descent(max_iterations=12, renew=renew)
+    fast = levenberg_marquardt(model, start, given)
+    plain = levenberg_marquardt_plain(model, start, given)
+    assert (fast.status, fast.iterations) == (plain.status, plain.iterations)
+    assert fast.cost == pytest.approx(plain.cost, rel=1e-9)
+    for name in ("coefficients", "camera", "own"):
+        np.testing.assert_allclose(getattr(fast.state, name), getattr(plain.state, name), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(fast.model.frames.position_m, plain.model.frames.position_m, rtol=1e-6)

@@ -7,14 +7,17 @@ import pytest
 
 from pipeline.records import SolverSettings
 from pipeline.solver import solve
-from pipeline.solver.adjustment import _kernels, compiled_descent, elimination
+from pipeline.solver.adjustment import _assembly, _kernels, compiled_descent, elimination
 from pipeline.solver.adjustment.assembly import assemble, assemble_plain, blocks_at
 from pipeline.solver.adjustment.elimination import (
     block_normals,
     block_normals_plain,
     frame_steps,
     frame_steps_plain,
+    squared_lengths,
 )
+from pipeline.solver.adjustment.log_poses import carry, carry_plain
+from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.observation.observations import metric
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
@@ -59,10 +62,10 @@ def test_twins_with_place_errors(kinds):
     for loss in ("none", "huber"):
         model, state = placed_model(kinds, loss)
         for frames in (model.frames, metric(model.frames)):
-            _both(changed(model, frames=frames), state, anew=False)
+            _both(changed(model, frames=frames), state)
 
 
-def _both(model, state, anew=True):
+def _both(model, state):
     blocks, at = blocks_at(model, state)
     given = (model.frames, model.pose, model.loss, at, blocks)
     fast, plain = block_normals(*given), block_normals_plain(*given)
@@ -72,12 +75,13 @@ def _both(model, state, anew=True):
     assert fast.frame_gain == pytest.approx(plain.frame_gain, rel=1e-9, abs=1e-9)
     step = np.random.default_rng(0).normal(size=fast.gradient.shape)
     wanted = frame_steps_plain(*given, step)
-    if anew:
-        alike(frame_steps(*given, step), wanted)
+    alike(frame_steps(*given, step), wanted)
     alike(frame_steps(*given, step, fast.kept), wanted)
     quick, slow = assemble(model, blocks, plain), assemble_plain(model, blocks, plain)
     for part in ("band", "border", "corner", "gradient"):
         alike(getattr(quick, part), getattr(slow, part))
+    square = (residuals_of(model.frames, slice(None), model, state) ** 2).sum(-1) * model.frames.seen
+    alike(squared_lengths(model.frames, model.pose, at, blocks), square)
 
 
 @pytest.mark.parametrize("populated", [True, False])
@@ -100,10 +104,25 @@ def test_what_would_take_too_much_is_not_kept():
 def test_warming_up_loads_the_signatures_in_use():
     """A solve after `warm` must find everything compiled, or its seconds would count the compiler's."""
     compiled_descent.warm()
-    before = [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)]
-    model, state = rich_model(("polynomial", "spline"), pose_rate=False)
-    _both(model, state)
-    assert [len(k.signatures) for k in (_kernels.block_normals, _kernels.frame_steps, _kernels.assemble)] == before
+    used = (_kernels.block_normals, _kernels.kept_steps, _kernels.squared_lengths, _assembly.assemble)
+    before = [len(k.signatures) for k in used]
+    assert before == [1, 1, 1, 1]
+    for pose_rate in (False, True):
+        _both(*rich_model(("polynomial", "spline"), pose_rate=pose_rate))
+    assert [len(k.signatures) for k in used] == before
+
+
+def test_poses_are_carried_alike():
+    rng = np.random.default_rng(4)
+    rate = rng.normal(size=(50, 6))
+    seconds = np.concatenate([rng.normal(size=25) * 1e-3, rng.normal(size=25)])
+    turn, position = np.tile(np.eye(3), (50, 1, 1)), rng.normal(size=(50, 3))
+    fast, plain = (turn.copy(), position.copy()), (turn.copy(), position.copy())
+    for _ in range(2):
+        carry(rate, seconds, *fast)
+        carry_plain(rate, seconds, *plain)
+    for one, other in zip(fast, plain, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-13)
 
 
 def test_a_whole_solve_without_numba(monkeypatch):

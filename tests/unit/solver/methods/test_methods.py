@@ -86,6 +86,16 @@ def test_the_solution_is_whole():
     assert [p.camera for p in solution.poses] == ["uav1", "uav2"]
 
 
+def test_every_prior_of_a_free_unknown_is_an_observation():
+    """400 equations and 13 priors (offset unknown) less 14 camera unknowns and 2 x 6 of the motion."""
+    problem, _ = simulate(paper_scene(order=1, targets=2), noise=PAPER_HIGH, seed=0)
+    solution = solve(problem, SolverSettings())
+    equations, names = 2 * len(solution.sightings.frame), solution.shared_names
+    without_prior = sum(c.sigma.offset_s is None or c.offset_s is None for c in problem.cameras[1:])
+    assert equations == 400
+    assert solution.degrees_of_freedom == equations + len(names) - without_prior - len(names) - 12
+
+
 def test_the_same_problem_gives_the_same_bits():
     problem, _ = simulate(paper_scene(order=1, targets=2), noise=PAPER_HIGH, seed=0)
     one, two = (solve(problem, SolverSettings()) for _ in range(2))

@@ -93,7 +93,7 @@ def test_the_shortcut_finds_the_same_sliding_bundles(order: int) -> None:
             ray=ray / np.linalg.norm(ray, axis=1, keepdims=True),
             sigma_rad=np.full(40, 2e-3),
             bias_rad=1e-3,
-            shift_m=1.0,
+            position_bias_m=1.0,
             camera=np.zeros(40),
         )
         found.append(slides_along_rays(bundle, order))

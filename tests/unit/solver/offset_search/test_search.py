@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -16,29 +13,14 @@ from pipeline.records import OffsetCandidate, SolverSettings
 from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
 from pipeline.solver.offset_search.sweep import Rays, bounded, crossing_residuals
 from pipeline.solver.offset_search.views import Track, cleaned
+from scripts.validation.check_offset_search import random_flight
 
 SETTINGS = SolverSettings()
 
 
-def load_script() -> ModuleType:
-    path = Path(__file__).parents[4] / "scripts/check_offset_search.py"
-    spec = importlib.util.spec_from_file_location("check_offset_search", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    import sys
-
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-SCENES = load_script()
-
-
 @pytest.mark.parametrize("seed", [0, 3, 6, 11])
 def test_random_flights_with_unknown_clocks(seed: int) -> None:
-    flight = SCENES.random_flight(seed)
+    flight = random_flight(seed)
     found = search_offsets(flight.problem, SETTINGS)
     bottom, sigma = flight.from_truth()
     away = flight.middle_error_s(found[0]) - flight.middle_error_s(bottom)
@@ -50,26 +32,26 @@ def test_random_flights_with_unknown_clocks(seed: int) -> None:
 
 
 def test_a_fifth_of_the_labels_may_be_wrong() -> None:
-    flight = SCENES.random_flight(7, outliers=0.2)
+    flight = random_flight(7, outliers=0.2)
     assert abs(flight.middle_error_s(search_offsets(flight.problem, SETTINGS)[0])) < 0.15
 
 
 def test_the_order_of_the_motion_need_not_be_known() -> None:
-    flight = SCENES.random_flight(7)
+    flight = random_flight(7)
     targets = tuple(replace(t, order="auto") for t in flight.problem.targets)
     found = search_offsets(replace(flight.problem, targets=targets), SETTINGS)
     assert abs(flight.middle_error_s(found[0])) < 0.15
 
 
 def test_a_valley_with_two_ends_is_flagged() -> None:
-    flight = SCENES.random_flight(48)
+    flight = random_flight(48)
     found = search_offsets(flight.problem, SETTINGS)
     assert is_ambiguous(found)
     assert min(abs(flight.middle_error_s(c)) for c in found[:2]) < 0.6
 
 
 def test_a_given_offset_is_searched_near_only_and_frame_rates_can_be_held() -> None:
-    flight = SCENES.random_flight(6, wrong_rate=0.0)
+    flight = random_flight(6, wrong_rate=0.0)
     first, second = flight.problem.cameras
     near = replace(second, offset_s=flight.offset_s + 0.3, sigma=replace(second.sigma, offset_s=0.3))
     held = replace(SETTINGS, refine_frame_rate=False)
@@ -89,7 +71,7 @@ def _found_or_none(problem: object) -> tuple[OffsetCandidate, ...]:
 
 
 def test_cameras_that_share_no_target_are_refused() -> None:
-    flight = SCENES.random_flight(1)
+    flight = random_flight(1)
     first, second = flight.problem.cameras
     renamed = replace(second.rays, targets=tuple(f"other-{t}" for t in second.rays.targets))
     problem = replace(flight.problem, cameras=(first, replace(second, rays=renamed)))
@@ -99,7 +81,7 @@ def test_cameras_that_share_no_target_are_refused() -> None:
 
 
 def test_free_motion_that_cannot_overlap_is_refused() -> None:
-    flight = SCENES.random_flight(1)
+    flight = random_flight(1)
     targets = tuple(replace(t, motion="spline", order="auto") for t in flight.problem.targets)
     problem = replace(flight.problem, targets=targets)
     with pytest.raises(GeometryError, match="overlap"):
@@ -120,11 +102,11 @@ def test_rays_that_meet_have_no_residual_and_rays_that_meet_behind_are_no_match(
     ray_a, ray_b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     lifted = np.array([[0.0, 0.0, 3e-3 * np.linalg.norm(b)]]) + b
 
-    def crossing(one: Floats, other: Floats, shift_m: float) -> float:
+    def crossing(one: Floats, other: Floats, position_bias_m: float) -> float:
         sigma = np.array([1e-3])
         first = Rays(centre_m=np.zeros((1, 3)), ray=one, sigma_rad=sigma)
         second = Rays(centre_m=base, ray=other / np.linalg.norm(other), sigma_rad=sigma)
-        return float(crossing_residuals(first, second, shift_m)[0, 0])
+        return float(crossing_residuals(first, second, position_bias_m)[0, 0])
 
     assert abs(crossing(ray_a, ray_b, 0.1)) < 1e-6
     assert np.isinf(crossing(-ray_a, -ray_b, 0.1))

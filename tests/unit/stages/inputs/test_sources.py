@@ -13,7 +13,8 @@ from pipeline.flight import read_flight
 from pipeline.stages import measure_poses, open_sources
 from pipeline.stages.inputs import sources
 from pipeline.synthetic.demo_scenes import small_scene
-from pipeline.telemetry import excerpt, pieces
+from pipeline.telemetry.excerpts import excerpt
+from pipeline.telemetry.log import byte_ranges as pieces
 from tests.scenes.logs import RECORD_EPOCH_S, tlog
 
 VIDEO = Path(__file__).parents[4] / "data" / "flight" / "uav2.mp4"
@@ -40,7 +41,7 @@ def _big(monkeypatch):
 
 def opened(folder, *starts, video='video = "a.mp4"', more=""):
     cameras = "".join(
-        f'[cameras.c{i}]\ncalibration = "a.json"\ntelemetry = "a.tlog"\nstart = {start}\n{video}\n{more}\n'
+        f'[cameras.c{i}]\ncalibration = "a.json"\ntelemetry = "a.tlog"\nsystem = 1\nstart = {start}\n{video}\n{more}\n'
         for i, start in enumerate(starts)
     )
     (folder / "flight.toml").write_text(cameras)

@@ -1,13 +1,14 @@
 """The calibration's covariance is the solver's prior of the focal length."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from calibration.camera import CameraModel
 from pipeline.records import InstrumentSigma, SightRays
-from pipeline.stages.problem.priors import with_focal
+from pipeline.stages.problem.priors import offset_sigma, with_focal
 
 K = np.array([[1000.0, 0, 640], [0, 1010.0, 360], [0, 0, 1]])
 RAYS = SightRays(
@@ -33,3 +34,13 @@ def test_what_the_flight_file_says_goes_first_and_a_certain_one_is_held():
     assert with_focal(InstrumentSigma(), {}, model(0.1), replace(RAYS, sigma_px=np.full(1, 0.1))).focal > 0
     unknown = CameraModel(image_size=(1280, 720), K=K, distortion=np.zeros(0))
     assert with_focal(InstrumentSigma(), {}, unknown, RAYS).focal == 0.0
+
+
+def test_the_offset_of_two_utc_times_is_worth_what_both_are_worth_together():
+    """Independent errors: 3 s and 4 s make 5 s, not 7 s; what the flight file says goes before."""
+    camera = SimpleNamespace(sigma={})
+    one, other = (SimpleNamespace(sigma=InstrumentSigma(offset_s=1.0), utc_sigma_s=s) for s in (3.0, 4.0))
+    assert offset_sigma(camera, one, other).offset_s == pytest.approx(5.0)
+    assert offset_sigma(SimpleNamespace(sigma={"offset_s": 1.0}), one, other).offset_s == 1.0
+    unknown = SimpleNamespace(sigma=InstrumentSigma(offset_s=1.0), utc_sigma_s=None)
+    assert offset_sigma(camera, one, unknown).offset_s == 1.0

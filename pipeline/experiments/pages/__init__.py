@@ -1,0 +1,1 @@
+"""An outcome for people: pages and tables."""

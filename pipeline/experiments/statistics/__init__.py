@@ -1,0 +1,1 @@
+"""From many flights to figures: means with their Monte Carlo error, ratios with intervals, the verdict."""

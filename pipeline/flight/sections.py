@@ -1,0 +1,188 @@
+"""The sections of a flight file, a row for each key: what may stand there and what it becomes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.flight import keys
+from pipeline.flight.keys import Key
+from pipeline.flight.settings import (
+    CameraSettings,
+    MountSettings,
+    StillPose,
+    TakeoffSettings,
+    TargetSettings,
+    VideoArea,
+)
+from pipeline.flight.table import Table
+from pipeline.geometry.geodesy import Geodetic
+from pipeline.records import TRACKERS, Box
+from pipeline.records.problem import METHODS
+
+LOWEST_HZ, HIGHEST_HZ = 0.01, 100_000.0
+"""Frame rates of a camera: a frame in 100 s is the slowest time lapse, a high-speed camera the fastest."""
+
+ORIGIN = "write origin = { lat = 28.2, lon = 112.9, height = 60.0 }"
+ORIGIN_KEYS = (
+    Key("lat", keys.needed_number(ORIGIN, expected="degrees", low=-90, high=90)),
+    Key("lon", keys.needed_number(ORIGIN, expected="degrees", low=-180, high=180)),
+    Key("height", keys.number(0.0, low=-1000, high=100_000)),
+)
+FLIGHT_KEYS = (
+    Key("origin", keys.section(ORIGIN_KEYS, lambda lat, lon, height: Geodetic.from_degrees(lat, lon, height))),
+    Key("reference_camera", keys.text()),
+    Key("title", keys.text()),
+)
+
+POSE = "a pose needs east_m, north_m, up_m, yaw_deg, pitch_deg, roll_deg"
+METRES = keys.needed_number(POSE, expected="metres", low=-1e7, high=1e7)
+POSE_KEYS = (
+    *(Key(axis, METRES) for axis in ("east_m", "north_m", "up_m")),
+    *(Key(f"{angle}_deg", keys.degrees(), f"{angle}_rad") for angle in ("yaw", "pitch", "roll")),
+)  # fmt: skip
+MOUNT_KEYS = tuple(Key(f"{angle}_deg", keys.degrees(), f"{angle}_rad") for angle in ("roll", "pitch", "yaw"))
+
+
+def still_pose(east_m: float, north_m: float, up_m: float, **angles: float) -> StillPose:
+    """A camera that stands still."""
+    return StillPose(position_enu_m=(east_m, north_m, up_m), **angles)
+
+
+def mount(table: Table, key: str, folder: Path) -> MountSettings:
+    """Fixed angles, or "gimbal"."""
+    value = table.content.get(key)
+    if value == "gimbal":
+        table.get(key)
+        return MountSettings(gimbal=True, given=True)
+    if isinstance(value, str):
+        table.get(key)
+        raise table.refuse(key, '"gimbal" or { roll_deg, pitch_deg, yaw_deg }', 'write mount = "gimbal"')
+    found: MountSettings = keys.section(MOUNT_KEYS, _fixed_mount, MountSettings())(table, key, folder)
+    return found
+
+
+def _fixed_mount(roll_rad: float, pitch_rad: float, yaw_rad: float) -> MountSettings:
+    return MountSettings(roll_rad=roll_rad, pitch_rad=pitch_rad, yaw_rad=yaw_rad, given=True)
+
+
+TAKEOFF_KEYS = (
+    Key(
+        "height",
+        keys.needed_number(
+            'write takeoff = { height = 61.0, datum = "msl" }', expected="metres", low=-1000, high=100_000
+        ),
+        "height_m",
+    ),
+    Key("datum", keys.choice(("ellipsoid", "msl"), "ellipsoid")),
+)
+
+
+def video_area(table: Table, key: str, folder: Path) -> VideoArea | None:
+    """`{ crop = [x, y, width, height], of = [width, height] }`, in pixels of the calibrated picture."""
+    inner = table.table(key)
+    if inner is None:
+        return None
+    crop, of = inner.vector("crop", 4), inner.vector("of", 2)
+    for name, value in (("crop", crop), ("of", of)):
+        if value is None:
+            raise inner.refuse(
+                name,
+                "crop = [x, y, width, height] and of = [width, height] of the calibrated picture",
+                "write video_area = { crop = [0, 270, 3840, 2160], of = [3840, 2700] }",
+            )
+    assert crop is not None
+    assert of is not None
+    if min(of) < 1 or of[0] % 1 or of[1] % 1:
+        raise inner.refuse("of", "two whole numbers above 0", "write the size of the calibrated picture")
+    inner.done()
+    return VideoArea(crop=(crop[0], crop[1], crop[2], crop[3]), of=(int(of[0]), int(of[1])))
+
+
+SIGMA_KEYS = (
+    *(Key(f"{name}_deg", keys.degrees(None, low=0, high=180), f"{name}_rad") for name in ("attitude_bias", "attitude")),
+    Key("pixel", keys.number(low=0, above=True), "pixel_px"),
+    *(
+        Key(name, keys.number(low=0))
+        for name in (
+            "position_bias_m",
+            "position_m",
+            "offset_s",
+            "frame_rate",
+            "focal",
+            "start_s",
+            "attitude_tau_s",
+            "position_tau_s",
+        )
+    ),
+)
+"""One standard deviation each. Those given stand in `CameraSettings.sigma` under the setting's name."""
+
+CAMERA_KEYS = (
+    Key("calibration", keys.path(needed="make one with `runningfix calibrate`")),
+    Key("video", keys.path()),
+    Key("video_area", video_area),
+    Key("tracks", keys.path()),
+    Key("telemetry", keys.path()),
+    Key("pose", keys.section(POSE_KEYS, still_pose)),
+    Key("tracker", keys.choice(TRACKERS, "kcf")),
+    Key("dialect", keys.dialect),
+    Key("system", keys.whole(low=1, high=255)),
+    Key("gimbal", keys.whole(low=0, high=255)),
+    Key("takeoff", keys.section(TAKEOFF_KEYS, TakeoffSettings)),
+    Key("start", keys.start),
+    Key("frame_rate", keys.number(low=LOWEST_HZ, high=HIGHEST_HZ)),
+    Key("offset_s", keys.number_or("search")),
+    Key("clock", keys.choice(("auto", "affine", "drift"), "auto")),
+    Key("mount", mount),
+    Key("mount_correction", keys.section(MOUNT_KEYS, _fixed_mount, MountSettings())),
+    Key("lever_arm_m", keys.vector((0.0, 0.0, 0.0))),
+    Key("sigma", keys.section(SIGMA_KEYS, lambda **found: keys.given(found), {})),
+)
+
+
+def camera(table: Table, name: str, folder: Path) -> CameraSettings:
+    """One `[cameras.NAME]` table."""
+    found = keys.read_keys(table, CAMERA_KEYS, folder)
+    if found["pose"] is not None and found["telemetry"] is not None:
+        raise table.refuse("pose", "either pose or telemetry, not both", "remove one of the two")
+    return CameraSettings(name=name, **found)
+
+
+def box(table: Table, key: str, folder: Path) -> Box:
+    """`{ frame = 0, box = [x, y, width, height] }`."""
+    inner = table.table(key)
+    assert inner is not None
+    frame, sides = inner.whole("frame"), inner.vector("box", 4)
+    if sides is None:
+        raise inner.refuse("box", "[x, y, width, height] in pixels", "write { frame = 0, box = [612, 340, 24, 18] }")
+    if sides[2] < 2 or sides[3] < 2:
+        raise inner.refuse("box", "a width and a height of at least 2 px", "boxes are [x, y, width, height]")
+    inner.done()
+    return Box(frame=frame or 0, x=sides[0], y=sides[1], width=sides[2], height=sides[3])
+
+
+def boxes(table: Table, key: str, folder: Path) -> dict[str, Box]:
+    """Boxes by camera."""
+    inner = table.table(key)
+    return {} if inner is None else {name: box(inner, name, folder) for name in inner.content}
+
+
+TARGET_KEYS = (
+    Key("boxes", boxes),
+    Key("motion", keys.choice(("auto", "polynomial", "spline"), "auto")),
+    Key("order", keys.choice((*range(6), "auto"), "auto")),
+)
+
+
+def target(table: Table, name: str, folder: Path) -> TargetSettings:
+    """One `[targets.NAME]` table."""
+    return TargetSettings(name=name, **keys.read_keys(table, TARGET_KEYS, folder))
+
+
+SOLVE_KEYS = (
+    Key("method", keys.choice(METHODS, "map")),
+    Key("frame_rate", keys.choice(("refine", "fixed"), "refine")),
+    Key("robust", keys.choice(("huber", "none", "cauchy"), "huber")),
+    Key("rate_hz", keys.number(10.0, low=0, high=1000, above=True)),
+    Key("search_s", keys.number(120.0, low=0, high=3600, above=True)),
+)

@@ -1,0 +1,1 @@
+"""Drawings without meaning: scales, panels, marks, ellipses, names beside their points."""

@@ -1,0 +1,1 @@
+"""What the figures draw from: who takes part, and who saw what when."""

@@ -1,0 +1,1 @@
+"""Text: figures as people read them, and markup that is safe by construction."""

@@ -1,0 +1,43 @@
+"""All stages, one after the other: what is finished is not done again.
+
+    track -> tracks.csv        poses -> poses.csv        solve -> everything else
+
+A run killed at any moment leaves whole files only; the next one goes on from there and gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from calibration.foundation.progress import Progress, silent
+from pipeline.flight import Flight
+from pipeline.stages.running.inputs import check_inputs
+from pipeline.stages.running.ledger import writing
+from pipeline.stages.running.poses import measuring, poses_into
+from pipeline.stages.running.solve import solve_into
+from pipeline.stages.running.summary import RunSummary, StageSeconds
+from pipeline.stages.running.track import track_into
+
+
+def run_flight(flight: Flight, out: Path, *, progress: Progress = silent) -> RunSummary:
+    """All stages; what is finished is not done again."""
+    check_inputs(flight, out)
+    measure = measuring(flight, progress)
+    with writing(out) as ledger:
+        parts = [
+            track_into(ledger, flight, resume=True, progress=progress),
+            poses_into(ledger, flight, measure, StageSeconds(), resume=True),
+            solve_into(ledger, flight, measure, resume=True, progress=progress),
+        ]
+    seconds: dict[str, float] = {}
+    for part in parts:
+        for name, value in part.seconds.items():
+            seconds[name] = seconds.get(name, 0.0) + value
+    return RunSummary(
+        files=tuple(dict.fromkeys(name for part in parts for name in part.files)),
+        seconds=seconds,
+        skipped=tuple(name for part in parts for name in part.skipped),
+        warnings=tuple(dict.fromkeys(warning for part in parts for warning in part.warnings)),
+        results=parts[-1].results,
+        problem=parts[-1].problem,
+    )

@@ -1,0 +1,55 @@
+"""What is looked at before anything long begins: every file that a flight names, and the folder that results go to."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from calibration.camera import CameraModel
+from calibration.foundation.errors import InputFileError, UsageError
+from calibration.foundation.files import check_regular
+from pipeline.export import EXPORTS
+from pipeline.flight import Flight
+from pipeline.stages.inputs.cameras import read_models
+from pipeline.stages.running.provenance import input_files
+
+FILE_KEYS = ("calibration", "video", "tracks", "telemetry")
+WRITTEN = re.compile(
+    "|".join(re.escape(n) for n in ("tracks.csv", "poses.csv", "report.html", *(e.file_name for e in EXPORTS)))
+    + r"|trajectory-.*\.tum|overlay-.*\.mp4"
+)
+
+
+def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
+    """Looks at every input that is quickly looked at, so that a long run does not fail at its end; the cameras.
+
+    Raises InputFileError where a file is missing or a camera file is wrong, UsageError where results would be written
+    over an input.
+    """
+    for camera in flight.cameras:
+        for key in FILE_KEYS:
+            path: Path | None = getattr(camera, key)
+            if path is not None:
+                _check_file(flight, camera.name, key, path)
+    for path in input_files(flight).values():
+        if WRITTEN.fullmatch(path.name) and path.resolve().parent == out.resolve():
+            raise UsageError(
+                where="-o",
+                seen=f"{out}, where the flight's own {path.name} is",
+                expected="a folder in which results write over no input",
+                advice="choose another -o folder",
+            )
+    return read_models(flight)
+
+
+def _check_file(flight: Flight, camera: str, key: str, path: Path) -> None:
+    expected = f"what cameras.{camera}.{key} in {flight.path} names"
+    if not path.exists():
+        photos = "make it with `runningfix calibrate`" if key == "calibration" else "check the name"
+        raise InputFileError(
+            where=str(path),
+            seen="no such file",
+            expected=expected,
+            advice=f"{photos}; paths are relative to the flight file",
+        )
+    check_regular(path, expected=expected)

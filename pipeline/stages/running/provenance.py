@@ -1,0 +1,50 @@
+"""What a result was made from: the files that a flight names, versions, and whether loops were compiled."""
+
+from __future__ import annotations
+
+import hashlib
+from importlib import metadata
+from pathlib import Path
+
+from calibration.foundation.compiled import AVAILABLE
+from pipeline.flight import Flight
+
+NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def input_files(flight: Flight) -> dict[str, Path]:
+    """Every file that a flight names, by the name it goes under in `solution.json`."""
+    files = {flight.path.name: flight.path}
+    for camera in flight.cameras:
+        for key in ("calibration", "video", "tracks", "telemetry"):
+            path = getattr(camera, key)
+            if path is not None and path.exists():
+                files[f"cameras.{camera.name}.{key}"] = path
+    return files
+
+
+def input_hashes(flight: Flight) -> dict[str, str]:
+    """SHA-256 of every file that a flight names."""
+    return {name: file_hash(path) for name, path in input_files(flight).items()}
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that shape a result."""
+    found = {}
+    for name in NAMED_PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def decisive() -> dict[str, str]:
+    """What decides a result's last bits beside its inputs: versions, and whether loops are compiled."""
+    return {**versions(), "compiled": "yes" if AVAILABLE else "no"}

@@ -1,0 +1,102 @@
+"""Stage 4 as commands run it: tracks and poses become a solution and its files, swapped in together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from calibration.foundation.progress import Progress, silent
+from pipeline.export import export_all, poses_csv, tracks_csv
+from pipeline.flight import Flight
+from pipeline.records import Results, Solution, SolverSettings
+from pipeline.report import render_report
+from pipeline.solver import solve
+from pipeline.stages.inputs.tracks import read_tracks, wanted
+from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.build import build_problem
+from pipeline.stages.running.inputs import check_inputs
+from pipeline.stages.running.ledger import Ledger, key_of, writing
+from pipeline.stages.running.poses import Measure, measuring
+from pipeline.stages.running.provenance import decisive, input_hashes
+from pipeline.stages.running.results import all_refined, gather_results
+from pipeline.stages.running.summary import RunSummary, StageSeconds
+from pipeline.stages.running.track import tracking_notes
+
+
+def run_solve(
+    flight: Flight, out: Path, *, settings: SolverSettings | None = None, progress: Progress = silent
+) -> RunSummary:
+    """Adjusts the flight and writes everything that comes of it."""
+    check_inputs(flight, out)
+    with writing(out) as ledger:
+        return solve_into(
+            ledger, flight, measuring(flight, progress), settings=settings, resume=False, progress=progress
+        )
+
+
+def solve_into(
+    ledger: Ledger,
+    flight: Flight,
+    measure: Measure,
+    *,
+    settings: SolverSettings | None = None,
+    resume: bool,
+    progress: Progress = silent,
+) -> RunSummary:
+    """`run_solve` into a folder that is open; with `resume`, a finished solution is left as it is."""
+    clock, out = StageSeconds(), ledger.out
+    chosen = settings or solver_settings(flight)
+    with clock.stage("read"):
+        models = check_inputs(flight, out)
+        tracks = wanted(flight, read_tracks(flight, out))
+        hashes = input_hashes(flight)
+        key = key_of({
+            "stage": "solve", "inputs": hashes, "tracks": tracks_csv(tracks), "settings": asdict(chosen),
+            "flight": asdict(flight.solve), "made with": decisive(),
+        })  # fmt: skip
+    if resume and ledger.finished("solve", key):
+        return RunSummary(
+            files=tuple(sorted(ledger.files("solve"))), seconds=clock.seconds, skipped=("solve",),
+            warnings=ledger.warnings("solve"),
+        )  # fmt: skip
+    with clock.stage("poses"):
+        opened, measured = measure()
+    with clock.stage("solve"):
+        built = build_problem(flight, tracks, measured, models)
+        progress("solve", 0, 1)
+        solution = solve(built.problem, chosen)
+        progress("solve", 1, 1)
+    clock.seconds["solver"] = solution.seconds
+    with clock.stage("write"):
+        notes = tracking_notes(flight, ledger)
+        results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
+        files = outputs(results, measured, solution)
+        ledger.record("solve", key, files, warnings=results.warnings)
+    return RunSummary(
+        files=tuple(files),
+        seconds=clock.seconds,
+        results=results,
+        problem=built.problem,
+        warnings=ledger.warnings("solve"),
+    )
+
+
+def solver_settings(flight: Flight) -> SolverSettings:
+    """The solver's settings as the flight file gives them."""
+    given = flight.solve
+    return SolverSettings(
+        method=given.method,
+        refine_frame_rate=given.frame_rate == "refine",
+        robust=given.robust,
+        search_s=given.search_s,
+    )
+
+
+def outputs(results: Results, measured: Sequence[MeasuredPoses], solution: Solution) -> dict[str, str]:
+    """Every file that a solved flight leaves: name -> content."""
+    return {
+        "poses.csv": poses_csv([m.poses for m in measured], all_refined(measured, solution)),
+        **export_all(results),
+        "report.html": render_report(results),
+    }

@@ -1,0 +1,104 @@
+"""The vehicle's boot clock, which starts anew with every boot, brought onto log time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.telemetry.clocks.clock_model import fit_clock
+from pipeline.telemetry.log.flight_log import ClockModel
+
+REBOOT_S = 10.0
+"""A boot clock that falls back by more than this was started anew; less is a packet that came late."""
+UNKNOWN_BREAK_S = 3600.0
+"""Log time between two boots of a vehicle where no other clock tells how long it was off."""
+MOST_READINGS = 1 << 18
+"""Of a boot clock, to be kept: of more, evenly chosen ones know it as well in a tenth of the memory."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BootClock:
+    """Log time of everything in a file, from the messages that carry the vehicle's boot time.
+
+    place, log_s     (n,) readings in the order of the file, of very many a part
+    restart_place    (r,) places from which the vehicle's clock had started anew
+    offset_s         (r + 1,) log time minus boot time of each boot
+    record           the recorder's clock against log time, None where it has none
+    """
+
+    place: Ints
+    log_s: Floats
+    restart_place: Ints
+    offset_s: Floats
+    record: ClockModel | None
+
+    def of_boot_time(self, place: Ints, boot_s: Floats) -> Floats:
+        """Log time (n,) of boot times read at places in the file."""
+        return np.asarray(boot_s + self.offset_s[np.searchsorted(self.restart_place, place, side="right")])
+
+    def of_record(self, place: Ints, record_s: Floats) -> Floats:
+        """Log time (n,) of messages that carry none: the recorder's clock, where its neighbours confirm it."""
+        if len(self.log_s) == 0:
+            return np.full(len(place), np.nan)
+        by_place = np.interp(place, self.place, self.log_s)
+        if self.record is None:
+            return np.asarray(by_place)
+        by_record = self.record.log_epoch_s + (record_s - self.record.epoch_s) / self.record.rate
+        return np.where(np.abs(by_record - by_place) < 1.0, by_record, by_place)
+
+    def of_other_boot_time(self, place: Ints, record_s: Floats, boot_s: Floats) -> tuple[Floats, float]:
+        """Log time (n,) of another component's boot times, and the seconds by which its clock was moved.
+
+        A component on the vehicle's own clock (within a second of it, the link's delay) is left as it is.
+        """
+        time, arrived = self.of_boot_time(place, boot_s), self.of_record(place, record_s)
+        late = arrived - time
+        offset = float(np.median(late[np.isfinite(late)])) if np.isfinite(late).any() else 0.0
+        return (time, 0.0) if abs(offset) < 1.0 else (time + offset, offset)
+
+
+def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
+    """The clock of a file from (n,) boot times and the recorder's times beside them, in the order of the file."""
+    restart = restarts_of(boot_s)
+    bounds = [*restart.tolist(), len(boot_s)]
+    offset = [0.0]
+    log = np.array(boot_s, float)
+    for first, stop in pairwise(bounds):
+        previous = slice(0, first)
+        offset.append(_offset_after(log[previous], record_s[previous], boot_s[first:stop], record_s[first:stop]))
+        log[first:stop] += offset[-1]
+    few = slice(None, None, 1 + len(log) // MOST_READINGS)
+    record = fit_clock("recorder", log[few], record_s[few], tolerance_s=2.0)
+    return BootClock(
+        place=place[few].copy(),
+        log_s=np.maximum.accumulate(log)[few].copy() if len(log) else log,
+        restart_place=place[restart],
+        offset_s=np.array(offset),
+        record=record,
+    )
+
+
+def restarts_of(boot_s: Floats) -> Ints:
+    """Indices at which the clock started anew: it falls back, and what follows stays back."""
+    found = []
+    top, i = -np.inf, 0
+    falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -REBOOT_S) if len(boot_s) else np.empty(0, int)
+    for fall in falls.tolist():
+        top = max(top, float(boot_s[i:fall].max())) if fall > i else top
+        ahead = boot_s[fall : fall + 5]
+        if np.median(ahead) < top - REBOOT_S:
+            found.append(fall)
+            top, i = -np.inf, fall
+    return np.array(found, dtype=np.int64)
+
+
+def _offset_after(log_before: Floats, record_before: Floats, boot_after: Floats, record_after: Floats) -> float:
+    """Log time minus boot time after a restart: by the recorder's clock, else an hour's break."""
+    end = float(log_before.max())
+    late = np.median(record_after - boot_after) - np.median(record_before - log_before)
+    if np.isfinite(late) and boot_after.min() + late > end:
+        return float(late)
+    return end + UNKNOWN_BREAK_S - float(boot_after.min())

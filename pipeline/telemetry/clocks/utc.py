@@ -1,0 +1,30 @@
+"""UTC out of GPS time, and which UTC can be a flight's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.foundation.arrays import Bools, Floats
+
+EARLIEST_UTC_S = 1_104_537_600.0
+"""1 January 2005: no vehicle that logs these formats flew before."""
+LATEST_UTC_S = 4_102_444_800.0
+"""1 January 2100."""
+GPS_EPOCH_S = 315_964_800.0
+LEAP_SECONDS = np.array(
+    [46828800, 78364801, 109900802, 173059203, 252028804, 315187205, 346723206, 393984007, 425520008, 457056009,
+     504489610, 551750411, 599184012, 820108813, 914803214, 1025136015, 1119744016, 1167264017],
+    dtype=float,
+)  # fmt: skip
+"""GPS seconds at which GPS time drew one second further ahead of UTC (IERS Bulletin C; none since 2017)."""
+
+
+def plausible_utc(posix_s: Floats) -> Bools:
+    """True where a POSIX time can be a flight's."""
+    return np.asarray((posix_s > EARLIEST_UTC_S) & (posix_s < LATEST_UTC_S))
+
+
+def utc_from_gps(week: Floats, week_s: Floats) -> Floats:
+    """POSIX seconds (n,) of GPS weeks and seconds of the week: GPS time minus the leap seconds since 1980."""
+    gps_s = np.asarray(week, float) * 604_800.0 + np.asarray(week_s, float)
+    return np.asarray(GPS_EPOCH_S + gps_s - np.searchsorted(LEAP_SECONDS, gps_s, side="right"))

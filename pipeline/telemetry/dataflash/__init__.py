@@ -1,0 +1,1 @@
+"""ArduPilot DataFlash logs (.bin, .log): what each message means."""

@@ -1,0 +1,41 @@
+"""From DataFlash messages to a FlightLog."""
+
+from __future__ import annotations
+
+from pipeline.telemetry.dataflash.accuracy import stated_accuracy
+from pipeline.telemetry.dataflash.attitude import vehicle_attitude
+from pipeline.telemetry.dataflash.boots import continued
+from pipeline.telemetry.dataflash.camera_events import camera_events
+from pipeline.telemetry.dataflash.gimbal import gimbal_attitude
+from pipeline.telemetry.dataflash.parameters import system_of
+from pipeline.telemetry.dataflash.position import vehicle_position
+from pipeline.telemetry.dataflash.utc import utc_clock
+from pipeline.telemetry.log.flight_log import (
+    FlightLog,
+)
+from pipeline.telemetry.log.tables import RawLog
+
+
+def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
+    """What a DataFlash log says of its vehicle."""
+    raw = continued(raw)
+    position, height_notes = vehicle_position(raw)
+    attitude = vehicle_attitude(raw)
+    mount, gimbals, gimbal_notes = gimbal_attitude(raw, attitude, gimbal)
+    events, source = camera_events(raw)
+    return FlightLog(
+        path=raw.path,
+        format=raw.format,
+        counts=raw.counts,
+        corrupt_packets=raw.corrupt_packets,
+        position=position,
+        attitude=attitude,
+        gimbal=mount,
+        gimbals=gimbals,
+        system=system_of(raw),
+        camera_event_s=events,
+        camera_event_source=source,
+        utc=utc_clock(raw),
+        accuracy=stated_accuracy(raw),
+        notes=(*raw.notes, *height_notes, *gimbal_notes),
+    )

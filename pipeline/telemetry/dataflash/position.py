@@ -1,0 +1,95 @@
+"""Positions and heights out of DataFlash messages. Heights in POS, GPS, AHR2 are above mean sea level."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.telemetry.dataflash.local_position import local_position
+from pipeline.telemetry.dataflash.parameters import parameters_of
+from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, time_of
+from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
+from pipeline.telemetry.log.flight_log import (
+    PositionSeries,
+)
+from pipeline.telemetry.log.series import position_series
+from pipeline.telemetry.log.tables import MessageTable, RawLog
+
+POSITION_MESSAGES = ("POS", "XKF1", "GPS", "AHR2")
+"""The best first; XKF1 stands for NKF1 too."""
+
+
+def vehicle_position(raw: RawLog) -> tuple[PositionSeries | None, tuple[str, ...]]:
+    """The vehicle's positions by the best message that has two valid ones, None where none has; and notes."""
+    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
+    notes = () if undulation is None else undulation.notes
+    for name in POSITION_MESSAGES:
+        if name == "XKF1":
+            local = _local(raw, undulation)
+            if local is not None and local.valid.sum() >= 2:
+                return local, notes
+            continue
+        table = gps_in_use(raw) if name == "GPS" else raw.table(name)
+        if table is None:
+            continue
+        series = _position_of(table, undulation)
+        if series.valid.sum() >= 2:
+            return series, notes
+    return None, ()
+
+
+def _position_of(table: MessageTable, undulation: Undulation | None) -> PositionSeries:
+    lat, lon = table.floats("Lat"), table.floats("Lng")
+    bad = (lat == 0) & (lon == 0)
+    velocity = np.full((len(table), 3), np.nan)
+    if table.name == "GPS":
+        bad |= table.floats("Status") < 3
+        speed, course = table.floats("Spd"), np.radians(table.floats("GCrs"))
+        velocity = np.stack([speed * np.cos(course), speed * np.sin(course), table.floats("VZ")], axis=1)
+    lat_deg, lon_deg = (np.where(bad, np.nan, angle) for angle in (lat, lon))
+    words, height = on_ellipsoid(table.floats("Alt"), undulation, lat_deg, lon_deg)
+    return position_series(
+        source=table.name,
+        datum="ellipsoid",
+        height_from=words,
+        time_s=time_of(table),
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        height_m=np.where(bad, np.nan, height),
+        velocity_ned_mps=velocity,
+        above_home_m=table.floats("RelHomeAlt" if "RelHomeAlt" in table else "RelAlt"),
+    )
+
+
+def _local(raw: RawLog, undulation: Undulation | None) -> PositionSeries | None:
+    found = local_position(raw)
+    if found is None:
+        return None
+    table, lat_deg, lon_deg, height = found
+    words, height = on_ellipsoid(height, undulation, lat_deg, lon_deg)
+    return position_series(
+        source=table.name, datum="ellipsoid", height_from=words, time_s=time_of(table), lat_deg=lat_deg,
+        lon_deg=lon_deg, height_m=height,
+        velocity_ned_mps=np.stack([table.floats(name) for name in ("VN", "VE", "VD")], axis=1),
+    )  # fmt: skip
+
+
+def _undulation(raw: RawLog) -> Undulation | None:
+    """From GPA.Und, or from GPA.AEl (height above the ellipsoid) beside GPS.Alt.
+
+    ArduPilot counts Und from mean sea level up to the ellipsoid: the negative of the geoid's height above it.
+    """
+    gpa, gps = accuracy_in_use(raw), gps_in_use(raw)
+    fixed = None if gps is None else gps.only(np.asarray(gps.floats("Status") >= 3))
+    if gpa is None or fixed is None or len(fixed) == 0:
+        return None
+    if "Und" in gpa:
+        said = gpa.floats("Und")
+        difference = -said[said != 0]
+        lat, lon = (np.full(len(difference), np.median(fixed.floats(name))) for name in ("Lat", "Lng"))
+        return undulation_of("GPA.Und", difference, lat, lon)
+    if "AEl" in gpa:
+        near, lat, lon = (np.interp(time_of(gpa), time_of(fixed), fixed.floats(name)) for name in ("Alt", "Lat", "Lng"))
+        above = gpa.floats("AEl")
+        told = above != 0
+        return undulation_of("GPA.AEl", (above - near)[told], lat[told], lon[told])
+    return None

@@ -1,0 +1,1 @@
+"""Minutes out of a long log without reading the rest."""

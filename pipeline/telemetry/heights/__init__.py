@@ -1,0 +1,1 @@
+"""Heights above the ellipsoid: a log's undulation, else EGM96."""

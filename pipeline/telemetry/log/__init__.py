@@ -1,0 +1,1 @@
+"""What every format is read into: the flight log and its series, raw tables, the file's bytes."""

@@ -1,0 +1,78 @@
+"""Series in time order, as every format hands them on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.telemetry.log.flight_log import AttitudeSeries, Datum, GimbalSeries, PositionSeries
+from pipeline.telemetry.log.tables import MessageTable
+
+
+def position_series(
+    *,
+    source: str,
+    datum: Datum,
+    height_from: str,
+    time_s: Floats,
+    lat_deg: Floats,
+    lon_deg: Floats,
+    height_m: Floats,
+    velocity_ned_mps: Floats,
+    above_home_m: Floats | None = None,
+) -> PositionSeries:
+    """Positions (n,) of any order in time order; a place that cannot be becomes NaN."""
+    order = _order(time_s)
+    bad = ~((np.abs(lat_deg) <= 90) & (np.abs(lon_deg) <= 360))
+    return PositionSeries(
+        source=source,
+        datum=datum,
+        height_from=height_from,
+        time_s=time_s[order],
+        lat_rad=np.radians(np.where(bad, np.nan, lat_deg))[order],
+        lon_rad=np.radians(np.where(bad, np.nan, lon_deg))[order],
+        height_m=np.where(bad, np.nan, height_m)[order],
+        velocity_ned_mps=velocity_ned_mps[order],
+        above_home_m=np.empty(0) if above_home_m is None else np.where(bad, np.nan, above_home_m)[order],
+    )
+
+
+def attitude_series(*, source: str, time_s: Floats, ned_from_body: Floats) -> AttitudeSeries:
+    """Attitudes (n, 4) of any order in time order, at unit length; NaN where the length is far from one."""
+    order = _order(time_s)
+    return AttitudeSeries(source=source, time_s=time_s[order], ned_from_body=_unit(ned_from_body)[order])
+
+
+def gimbal_series(*, source: str, time_s: Floats, attitude: Floats, frame: Ints) -> GimbalSeries:
+    """Mount attitudes (n, 4) of any order in time order."""
+    order = _order(time_s)
+    return GimbalSeries(source=source, time_s=time_s[order], attitude=_unit(attitude)[order], frame=frame[order])
+
+
+def denser(first: MessageTable | None, second: MessageTable | None) -> MessageTable | None:
+    """`first`, unless `second` has more than twice as many messages."""
+    if first is None or second is None:
+        return first if second is None else second
+    return second if len(second) > 2 * len(first) else first
+
+
+def close_call(first: MessageTable | None, second: MessageTable | None) -> bool:
+    """Whether `denser` could choose otherwise if it saw more of the log."""
+    return first is not None and second is not None and 1.5 * len(first) < len(second) < 2.5 * len(first)
+
+
+def median_of(value: Floats, most: float) -> float:
+    """Median of the values that say something (above 0, at most `most`); NaN where none does."""
+    said = value[(value > 0) & (value <= most)]
+    return float(np.median(said)) if len(said) else float("nan")
+
+
+def _order(time_s: Floats) -> Ints | slice:
+    """What brings times (n,) into order, NaN last; nothing has to be moved in most logs."""
+    return slice(None) if np.all(time_s[1:] >= time_s[:-1]) else np.argsort(time_s, kind="stable")
+
+
+def _unit(q: Floats) -> Floats:
+    length = np.linalg.norm(q, axis=-1, keepdims=True)
+    good = np.abs(length - 1) < 0.05
+    return np.where(good, q / np.where(good, length, 1.0), np.nan)

@@ -1,0 +1,1 @@
+"""MAVLink logs (.tlog, raw captures): whose messages, and what each of them means."""

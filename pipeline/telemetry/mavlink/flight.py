@@ -1,0 +1,54 @@
+"""From MAVLink messages to a FlightLog."""
+
+from __future__ import annotations
+
+from pipeline.telemetry.clocks.boot_clock import boot_clock
+from pipeline.telemetry.log.flight_log import (
+    FlightLog,
+)
+from pipeline.telemetry.log.tables import RawLog
+from pipeline.telemetry.mavlink.accuracy import stated_accuracy
+from pipeline.telemetry.mavlink.attitude import vehicle_attitude
+from pipeline.telemetry.mavlink.camera_events import camera_events
+from pipeline.telemetry.mavlink.gimbal import gimbal_attitude
+from pipeline.telemetry.mavlink.position import vehicle_position
+from pipeline.telemetry.mavlink.times import utc_clock
+from pipeline.telemetry.mavlink.vehicle import Vehicle, boot_readings, choose_vehicle, clock_notes, systems_of
+
+
+def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None = None) -> FlightLog:
+    """What one vehicle's MAVLink messages say; of several, the one with most positions unless `system` names it.
+
+    `gimbal` names one of several gimbals by its device or component.
+
+    Raises InputFileError where no autopilot (or not the named one) speaks in the log, UsageError where the gimbal does
+    not.
+    """
+    chosen, notes = choose_vehicle(raw, system)
+    clock = boot_clock(*boot_readings(raw, chosen))
+    vehicle = Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=clock)
+    notes += clock_notes(vehicle.clock)
+    utc = utc_clock(vehicle)
+    position, height_notes = vehicle_position(vehicle)
+    attitude = vehicle_attitude(vehicle)
+    mount, gimbals, gimbal_notes = gimbal_attitude(vehicle, attitude, gimbal)
+    events, event_source = camera_events(vehicle, utc)
+    return FlightLog(
+        path=raw.path,
+        format=raw.format,
+        system=chosen[0],
+        component=chosen[1],
+        counts=raw.counts,
+        corrupt_packets=raw.corrupt_packets,
+        position=position,
+        attitude=attitude,
+        gimbal=mount,
+        systems=systems_of(raw),
+        gimbals=gimbals,
+        camera_event_s=events,
+        camera_event_source=event_source,
+        utc=utc,
+        record_clock=vehicle.clock.record,
+        accuracy=stated_accuracy(vehicle),
+        notes=(*raw.notes, *notes, *height_notes, *gimbal_notes),
+    )

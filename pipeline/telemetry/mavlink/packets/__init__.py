@@ -1,0 +1,1 @@
+"""MAVLink bytes become tables: every packet's checksum verified, damaged segmentes stepped over."""

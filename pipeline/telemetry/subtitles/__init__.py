@@ -1,0 +1,1 @@
+"""Telemetry in subtitles (.srt): DJI's dialects."""

@@ -1,0 +1,1 @@
+"""PX4 logs (.ulg): what each topic means."""

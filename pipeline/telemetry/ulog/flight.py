@@ -1,0 +1,49 @@
+"""From PX4's topics to a FlightLog. Times are microseconds since boot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.telemetry.log.flight_log import (
+    FlightLog,
+)
+from pipeline.telemetry.log.tables import Progress
+from pipeline.telemetry.ulog.accuracy import stated_accuracy
+from pipeline.telemetry.ulog.attitude import gimbal_attitude, vehicle_attitude
+from pipeline.telemetry.ulog.camera_events import camera_events
+from pipeline.telemetry.ulog.position import vehicle_position
+from pipeline.telemetry.ulog.topics import load_topics
+from pipeline.telemetry.ulog.utc import utc_clock
+
+SYSTEM_NAME = "MAV_SYS_ID"
+
+
+def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = None) -> FlightLog:
+    """The flight log in a `.ulg` file; `gimbal` is a gimbal_device_id or an instance.
+
+    Raises InputFileError where pyulog is not installed or cannot read the file, UsageError where there is no such
+    gimbal.
+    """
+    log = load_topics(path)
+    topics = log.topics
+    if progress is not None:
+        progress(1.0)
+    position, height_notes = vehicle_position(topics)
+    attitude = vehicle_attitude(topics)
+    mount, gimbals, gimbal_notes = gimbal_attitude(path, log.instances, attitude, gimbal)
+    return FlightLog(
+        path=path,
+        format="ulog",
+        system=int(log.parameters[SYSTEM_NAME]) if SYSTEM_NAME in log.parameters else None,
+        gimbals=gimbals,
+        counts=log.counts,
+        corrupt_packets=log.complaints,
+        position=position,
+        attitude=attitude,
+        gimbal=mount,
+        camera_event_s=camera_events(topics),
+        camera_event_source="camera_capture" if "camera_capture" in topics else "camera_trigger",
+        utc=utc_clock(topics, log.info),
+        accuracy=stated_accuracy(topics),
+        notes=(*log.notes, *height_notes, *gimbal_notes),
+    )

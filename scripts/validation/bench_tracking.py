@@ -1,0 +1,124 @@
+"""Tracking against decoding alone, interleaved in one run on the same 720p video; and memory over a long video.
+
+usage: python -m scripts.validation.bench_tracking [--rounds 7] [--crf 15] [--video FILE --box X,Y,W,H ...]
+       python -m scripts.validation.bench_tracking --minutes 30     memory over a long video (480 x 270, two targets)
+
+Without --video a scene with four cars is rendered and compressed by H.264 (extra `demo`). A round decodes the video
+with OpenCV as it comes, tracks one target, tracks all, and decodes with as many threads as tracking lets FFmpeg have;
+ratios are of each round's decoding as it comes, their median is told.
+"""
+
+import argparse
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+
+from pipeline.records import Box
+from pipeline.synthetic.moving_cars import first_box, render, scene, write
+from pipeline.tracking import track_video
+from pipeline.tracking.video.frames import opened_to_the_end
+
+SEED = 5
+
+
+def decoded(
+    path: Path, opened: Callable[[Path], cv2.VideoCapture] = lambda p: cv2.VideoCapture(str(p))
+) -> tuple[float, float]:
+    """Wall and processor seconds of decoding every frame."""
+    begin, used, capture = time.perf_counter(), time.process_time(), opened(path)
+    while capture.read()[0]:
+        pass
+    return time.perf_counter() - begin, time.process_time() - used
+
+
+def tracked(path: Path, boxes: dict[str, Box]) -> tuple[float, float]:
+    """Wall and processor seconds of tracking every target."""
+    begin, used = time.perf_counter(), time.process_time()
+    track_video(path, camera="c", boxes=boxes)
+    return time.perf_counter() - begin, time.process_time() - used
+
+
+def rendered(folder: Path, crf: int, small: bool) -> tuple[Path, dict[str, Box]]:
+    """A video of four cars (two, where it is to be small) in view throughout, 250 frames, and their boxes."""
+    made = scene(31, size=(480, 270), lengths=(22, 34), hidden=(0, 0)) if small else scene(SEED, hidden=(0, 0, 0, 0))
+    path = folder / "bench.mp4"
+    write(render(made), path, codec="h264", crf=crf)
+    return path, {car.name: first_box(made, car) for car in made.cars}
+
+
+def lengthened(path: Path, minutes: float) -> Path:
+    """The video forwards and backwards again and again, so that nothing ever jumps."""
+    import imageio_ffmpeg
+
+    program, both, long = imageio_ffmpeg.get_ffmpeg_exe(), path.with_name("both.mp4"), path.with_name("long.mp4")
+    turned = "[0:v]split[a][b];[b]reverse[r];[a][r]concat"
+    encode = [program, "-loglevel", "error", "-i", path, "-filter_complex", turned, "-crf", "23", both]
+    subprocess.run(encode, check=True)
+    loops = str(round(minutes * 60 / 20) - 1)
+    copy = [program, "-loglevel", "error", "-stream_loop", loops, "-i", both, "-c", "copy", long]
+    subprocess.run(copy, check=True)
+    return long
+
+
+def resident_mb() -> float:
+    """Memory of this process now (Linux)."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+def memory(path: Path, boxes: dict[str, Box]) -> None:
+    """Prints the memory at tenths of the video."""
+    told: list[int] = []
+
+    def tell(done: int, total: int) -> None:
+        if done * 10 // total > len(told) - 1 and done > 500:
+            told.append(done)
+            print(f"{done:>9} of {total} frames{resident_mb():>9.0f} MB", flush=True)
+
+    tracks = track_video(path, camera="c", boxes=boxes, progress=tell).tracks
+    print("share of frames with a fix: " + ", ".join(f"{track.seen.mean():.3f}" for track in tracks))
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--crf", type=int, default=15, help="of the rendered video")
+    parser.add_argument("--minutes", type=float, help="measure memory over a video of that length instead")
+    parser.add_argument("--video", type=Path)
+    parser.add_argument("--box", nargs="+", default=[], help="X,Y,W,H on frame 0")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        if arguments.video:
+            path, given = arguments.video, [[float(v) for v in box.split(",")] for box in arguments.box]
+            boxes = {f"t{i}": Box(frame=0, x=x, y=y, width=w, height=h) for i, (x, y, w, h) in enumerate(given)}
+        else:
+            path, boxes = rendered(Path(scratch), arguments.crf, bool(arguments.minutes))
+        if arguments.minutes:
+            memory(lengthened(path, arguments.minutes), boxes)
+            return
+        frames = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)
+        rate = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS)
+        print(f"{frames:.0f} frames, {path.stat().st_size * 8e-6 * rate / frames:.1f} Mbit/s")
+        one = dict(list(boxes.items())[1:2] or boxes.items())
+        tracked(path, boxes)  # compiled code is loaded once
+        rounds = [
+            (decoded(path), tracked(path, one), tracked(path, boxes), decoded(path, opened_to_the_end))
+            for _ in range(arguments.rounds)
+        ]
+    for k, name in enumerate(("decoding alone", "1 target", f"{len(boxes)} targets", "decoding, threads")):
+        wall = statistics.median(r[k][0] for r in rounds)
+        used = statistics.median(r[k][1] for r in rounds)
+        ratios = sorted(r[0][0] / r[k][0] for r in rounds)
+        print(
+            f"{name:<18}{frames / wall:>7.0f} frames/s  {used / frames * 1e3:>6.2f} ms CPU a frame   of decoding: "
+            f"median {statistics.median(ratios):.2f}, {ratios[0]:.2f} to {ratios[-1]:.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""What can be checked: every validation and benchmark by name, with how long it takes on two cores of 3 GHz."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One module of this folder with its arguments.
+
+    minutes    about how long it takes
+    says       what its figures are about
+    needs      what it cannot run without, beyond the extras of `test`; empty: nothing
+    """
+
+    name: str
+    module: str
+    arguments: tuple[str, ...] = ()
+    minutes: float
+    says: str
+    needs: str = ""
+
+    @property
+    def program(self) -> tuple[str, ...]:
+        """What follows `python`."""
+        return ("-m", f"scripts.validation.{self.module}", *self.arguments)
+
+
+CHECKS = (
+    Check(
+        name="board-finding",
+        module="bench_calibration",
+        minutes=2,
+        says="finding a checkerboard: milliseconds and pixels, beside OpenCV's two ways",
+    ),
+    Check(
+        name="calibration",
+        module="check_calibration",
+        minutes=20,
+        says="84 rendered photo sets: errors of corners and focal length, error over sigma",
+    ),
+    Check(
+        name="tracking",
+        module="check_tracking",
+        minutes=6,
+        says="ten rendered scenes: pixel errors, coverage, false fixes, losses, beside KCF as it comes",
+    ),
+    Check(
+        name="tracking-csrt",
+        module="check_tracking",
+        arguments=("--tracker", "csrt"),
+        minutes=12,
+        says="the same with CSRT as the coarse tracker",
+    ),
+    Check(
+        name="tracking-lossless",
+        module="check_tracking",
+        arguments=("--lossless",),
+        minutes=6,
+        says="the same without the errors of compression",
+    ),
+    Check(
+        name="tracking-effect",
+        module="check_tracking_effect",
+        minutes=2,
+        says="positions of a flight solved with raw KCF centres and with ours",
+    ),
+    Check(
+        name="tracking-speed",
+        module="bench_tracking",
+        arguments=("--rounds", "9"),
+        minutes=2,
+        says="tracking against decoding alone",
+    ),
+    Check(
+        name="tracking-memory",
+        module="bench_tracking",
+        arguments=("--minutes", "30"),
+        minutes=8,
+        says="memory while 30 minutes of video are tracked",
+    ),
+    Check(
+        name="correlated-errors",
+        module="check_correlated_errors",
+        arguments=("--runs", "200"),
+        minutes=10,
+        says="error over sigma where errors of tracked centres last",
+    ),
+    Check(
+        name="start-auto",
+        module="check_start_auto",
+        minutes=12,
+        says="20 rendered flights: the video's start found on the log's clock",
+    ),
+    Check(
+        name="logs",
+        module="bench_telemetry",
+        minutes=4,
+        says="log readers beside pymavlink's, warm and in fresh processes, every value compared",
+    ),
+    Check(
+        name="logs-large",
+        module="bench_telemetry",
+        arguments=("--large",),
+        minutes=3,
+        says="a .tlog of 1 GB: seconds and memory, whole and in part",
+    ),
+    Check(
+        name="log-corruption",
+        module="check_log_corruption",
+        minutes=15,
+        says="1000 corruptions each of two kinds of log, beside pymavlink",
+    ),
+    Check(
+        name="log-fuzzing",
+        module="check_log_corruption",
+        arguments=("--fuzz", "10"),
+        minutes=10,
+        says="every reader on mangled files: crashes, hangs, memory",
+    ),
+    Check(
+        name="offset-search",
+        module="check_offset_search",
+        minutes=2,
+        says="100 random flights, clocks unknown by a minute",
+    ),
+    Check(
+        name="demo-order",
+        module="check_demo_order",
+        minutes=1,
+        says="mean position error of every method on ten drawn flights",
+    ),
+    Check(
+        name="solver-limit",
+        module="check_solver_limit",
+        minutes=6,
+        says="map over the Cramer-Rao bound and over its own covariance, 16 cells of 200 flights",
+    ),
+    Check(
+        name="solver-speed",
+        module="bench_solver",
+        arguments=("--li", "--repeats", "9"),
+        minutes=2,
+        says="one solve of three sizes, beside Li's method and (where ceres_map is installed) Ceres",
+    ),
+    Check(
+        name="solver-hour",
+        module="bench_solver",
+        arguments=("--sizes", "4x5625x4,4x22500x4,4x90000x4"),
+        minutes=2,
+        says="one solve of up to an hour of four cameras: seconds and memory",
+    ),
+    Check(
+        name="experiments",
+        module="check_experiments",
+        minutes=30,
+        says="the paper's experiments, 1000 flights each: map against every method and the bound",
+    ),
+    Check(
+        name="mutants",
+        module="check_mutants",
+        minutes=240,
+        says="150 small faults put into the code, one at a time: how many of them the tests find",
+    ),
+    Check(
+        name="resume",
+        module="check_resume",
+        minutes=3,
+        says="a run killed at ten random moments and started again: the same bytes",
+    ),
+    Check(
+        name="real-flights",
+        module="check_flights",
+        minutes=1,
+        says="two real flights against RTK: errors, clocks, coverage",
+        needs="the flights' folder as --real FOLDER",
+    ),
+    Check(
+        name="flight-chance",
+        module="check_flight_chance",
+        minutes=1,
+        says="what coverage of one flight would be if its claimed sigmas were exactly true",
+        needs="a flight's file whose tracks are files, as --real FILE",
+    ),
+)
+
+
+def named(names: list[str]) -> list[Check]:
+    """The checks of these names, each once and in this module's order; `all` is every one that needs nothing.
+
+    Raises KeyError with the first name that is none.
+    """
+    known = {check.name: check for check in CHECKS}
+    wanted = {name for name in names if name != "all"}
+    for name in names:
+        if name != "all" and name not in known:
+            raise KeyError(name)
+    if "all" in names:
+        wanted |= {check.name for check in CHECKS if not check.needs}
+    return [check for check in CHECKS if check.name in wanted]
