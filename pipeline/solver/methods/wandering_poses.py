@@ -168,7 +168,7 @@ def _frames_determinant(fit: Fit, c: int) -> float:
     both = np.concatenate([turned, moved], axis=2)
     part = fit.model.frames.of(c)
     value = np.linalg.slogdet(np.swapaxes(both, 1, 2) @ both + np.eye(6))[1].mean()
-    return float(value) * (part.stop - part.start)
+    return float(value * (part.stop - part.start))
 
 
 def _first(both: Mapping[int, Parts]) -> list[Process]:
