@@ -43,6 +43,8 @@ from pipeline.solver.offset_search.views import views
 from pipeline.solver.uncertainty.covariance import Inverse
 
 LI_ROUNDS = 500
+LOW_WEIGHT, FIFTH = 0.5, 0.2
+"""Weight below which a sighting hardly counts, and the share of them from which on that is said."""
 EARLY = 1e-3
 """Relative change of the cost that ends `algorithm-2`; see `start.pose_errors`."""
 Finish = Callable[[], Outcome]
@@ -166,7 +168,19 @@ def _solved(problem: Problem, settings: SolverSettings, progress: Progress | Non
     covariance = solution.shared_covariance
     shared = None if covariance is None else (solution.shared_names, covariance)
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared)
-    return replace(solution, findings=(*solution.findings, *left_open))
+    return replace(solution, findings=(*solution.findings, *left_open, *_low_weights(solution)))
+
+
+def _low_weights(solution: Solution) -> tuple[Finding, ...]:
+    """A finding for every camera of whose sightings more than a fifth hardly count."""
+    names, low = np.array(solution.sightings.camera), solution.sightings.weight < LOW_WEIGHT
+    found = []
+    for name in dict.fromkeys(solution.sightings.camera):
+        share = float(low[names == name].mean())
+        if share > FIFTH:
+            words = f"{100 * share:.0f} % of the sightings of {name} hardly count (weight below {LOW_WEIGHT})"
+            found.append(Finding(kind="low-weights", subject=name, words=words))
+    return tuple(found)
 
 
 def _counted(progress: Progress | None) -> Progress | None:

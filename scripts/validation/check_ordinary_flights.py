@@ -163,7 +163,7 @@ def _camera(
     jacobian = np.zeros((len(xy), 2, 3))
     jacobian[:, 0, 0] = jacobian[:, 1, 1] = focal * length
     jacobian[:, :, 2] = -xy * length[:, None]
-    shown, index = np.unique(row[:, 0], return_index=True)
+    shown = np.unique(row[:, 0])
     rays = SightRays(
         camera=name, targets=tuple(f"car{n + 1}" for n in range(len(paths))), target=row[:, 1], frame=row[:, 0],
         time_s=row[:, 0] / rate, direction_cam=ray / length[:, None], pixel_from_ray=jacobian,

@@ -19,9 +19,17 @@ from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, 
 from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.clock_drift import drifting, with_drift
-from pipeline.solver.methods.initialisation import TRIED, best_start, cleared, left_out, residuals, statistical_start
+from pipeline.solver.methods.initialisation import (
+    TRIED,
+    best_start,
+    cleared,
+    left_out,
+    residual_lengths,
+    residuals,
+    statistical_start,
+)
 from pipeline.solver.methods.model_selection import choose_motions
-from pipeline.solver.methods.parameters import first_choice
+from pipeline.solver.methods.parameters import BEND, first_choice
 from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
 from pipeline.solver.methods.results import Outcome
 from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
@@ -35,6 +43,12 @@ ROUNDS, SETTLED = 4, 0.05
 WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
 """Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
 still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
+
+
+MANY_OUTLIERS = 0.1
+"""Share of sightings beyond twice where Huber's loss bends from which on Cauchy's takes its place, where the median
+sighting fits (`FITTING` sigmas): twice as many bias what Huber's finds by about a sigma of one sighting."""
+FITTING = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,6 +84,7 @@ def adjust(
     def settle(fit: Fit) -> Settled:
         if fit.status == "iteration-limit" and len(found) > 1:
             fit = continued(fit, descent)
+        fit, outliers = with_bounded_loss(fit, settings, descent)
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)
@@ -77,7 +92,7 @@ def adjust(
         fit = with_estimated_priors(chosen.fit, descent)
         if has_estimated_priors(fit):
             fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
-        return Settled(fit=fit, findings=(*chosen.findings, *clocks, *wanders))
+        return Settled(fit=fit, findings=(*outliers, *chosen.findings, *clocks, *wanders))
 
     beginning = Beginning(
         problem=problem, settings=settings, frames=frames, choice=choice, descent=descent, small=small
@@ -88,6 +103,20 @@ def adjust(
         fit=settled.fit, candidates=ranked,
         findings=(*ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames)),
     )  # fmt: skip
+
+
+def with_bounded_loss(fit: Fit, settings: SolverSettings, descent: Descent) -> tuple[Fit, tuple[Finding, ...]]:
+    """With Cauchy's loss instead of Huber's where many sightings are far off: Huber's lets each of them pull on."""
+    if settings.robust != "huber":
+        return fit, ()
+    length = residual_lengths(fit.model, fit.state)
+    share = float((length > 2 * fit.model.loss.bend).mean())
+    if share < MANY_OUTLIERS or np.median(length) > FITTING:
+        return fit, ()
+    bounded = levenberg_marquardt(replace(fit.model, loss=BEND["cauchy"]), fit.state, descent)
+    words = f"{100 * share:.0f} % of the sightings are outliers, so that Cauchy's loss is taken instead of Huber's"
+    again = replace(bounded, iterations=fit.iterations + bounded.iterations)
+    return again, (Finding(kind="many-outliers", subject="", words=words, carried_by="solve.robust"),)
 
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:

@@ -101,6 +101,7 @@ def _raised(choice: MotionChoice, fit: Fit, lone: Sequence[int], descend: Descen
 def _alike(start: Fit, fit: Fit) -> Fit:
     """Another start in the model of `fit`: its clocks' drifts and its poses' errors."""
     model = start.model.changed(pose=fit.model.pose, drift=fit.model.drift, wander=fit.model.wander)
+    model = replace(model, loss=fit.model.loss)
     model = model.changed(priors=replace(model.priors, drift_rate=fit.model.priors.drift_rate))
     state = replace(
         start.state, deviation=fit.state.deviation, wander=fit.state.wander, own=np.zeros(start.state.own.shape)
