@@ -40,6 +40,10 @@ def build_parser() -> argparse.ArgumentParser:
     _camera(commands)
     _detect(commands)
     _label(commands)
+    check = _command(
+        commands, "check", "what is wrong or doubtful in a flight, before tracking", "runningfix check flight.toml"
+    )
+    check.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file")
     for name, what in (
         ("track", "follow the targets in the videos -> tracks.csv"),
         ("poses", "read the flight logs -> poses.csv"),

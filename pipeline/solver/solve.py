@@ -21,6 +21,7 @@ from functools import partial
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.compiled import announced
 from calibration.foundation.errors import GeometryError
 from pipeline.records import Finding, OffsetCandidate, PoseTrack, Problem, Solution, SolverSettings
 from pipeline.records.problem import PoseAt
@@ -181,6 +182,27 @@ def _low_weights(solution: Solution) -> tuple[Finding, ...]:
             words = f"{100 * share:.0f} % of the sightings of {name} hardly count (weight below {LOW_WEIGHT})"
             found.append(Finding(kind="low-weights", subject=name, words=words))
     return tuple(found)
+
+
+COMPILED = 26
+"""About as many functions are compiled on the first solve of an installation."""
+
+
+def make_ready(told: Callable[[int, int], None]) -> None:
+    """Compiles what `solve` uses, or loads it from disk; `told` hears how many of how many functions have begun.
+
+    It is only told where there is something to compile.
+    """
+    begun: list[str] = []
+
+    def say(name: str) -> None:
+        begun.append(name)
+        told(min(len(begun), COMPILED) - 1, COMPILED)
+
+    with announced(say):
+        compiled_descent.warm()
+    if begun:
+        told(COMPILED, COMPILED)
 
 
 def _counted(progress: Progress | None) -> Progress | None:

@@ -3,6 +3,7 @@
 Each stage is a function of the flight and of what came before; `run` chains them and resumes where it was stopped.
 """
 
+from pipeline.stages.checks.outlook import Outlook
 from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.log_paths import log_paths
 from pipeline.stages.inputs.sources import open_sources
@@ -11,6 +12,7 @@ from pipeline.stages.poses.measure import measure_poses
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import build_problem
 from pipeline.stages.problem.rays import sight_rays
+from pipeline.stages.running.check import check_flight
 from pipeline.stages.running.flight import run_flight
 from pipeline.stages.running.poses import run_poses
 from pipeline.stages.running.results import gather_results
@@ -20,8 +22,10 @@ from pipeline.stages.running.track import run_track
 
 __all__ = [
     "MeasuredPoses",
+    "Outlook",
     "RunSummary",
     "build_problem",
+    "check_flight",
     "gather_results",
     "log_paths",
     "measure_poses",

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from calibration.foundation.progress import Progress, silent
 from pipeline.flight import Flight
+from pipeline.stages.running.check import doubts_of
 from pipeline.stages.running.inputs import check_inputs
 from pipeline.stages.running.ledger import writing
 from pipeline.stages.running.poses import measuring, poses_into
@@ -21,13 +22,14 @@ from pipeline.stages.running.track import track_into
 
 def run_flight(flight: Flight, out: Path, *, progress: Progress = silent) -> RunSummary:
     """All stages; what is finished is not done again."""
-    check_inputs(flight, out)
+    models = check_inputs(flight, out)
     measure = measuring(flight, progress)
     with writing(out) as ledger:
+        doubts = doubts_of(ledger, flight, models, measure)
         parts = [
             track_into(ledger, flight, resume=True, progress=progress),
             poses_into(ledger, flight, measure, StageSeconds(), resume=True),
-            solve_into(ledger, flight, measure, resume=True, progress=progress),
+            solve_into(ledger, flight, measure, doubts=doubts, resume=True, progress=progress),
         ]
     seconds: dict[str, float] = {}
     for part in parts:
@@ -37,7 +39,7 @@ def run_flight(flight: Flight, out: Path, *, progress: Progress = silent) -> Run
         files=tuple(dict.fromkeys(name for part in parts for name in part.files)),
         seconds=seconds,
         skipped=tuple(name for part in parts for name in part.skipped),
-        warnings=tuple(dict.fromkeys(warning for part in parts for warning in part.warnings)),
+        warnings=tuple(dict.fromkeys((*doubts, *(warning for part in parts for warning in part.warnings)))),
         results=parts[-1].results,
         problem=parts[-1].problem,
     )

@@ -89,6 +89,10 @@ class Ledger:
         """What a finished stage had to say."""
         return self.stages[stage].warnings if stage in self.stages else ()
 
+    def remember(self, stage: str, key: str, warnings: Sequence[str]) -> None:
+        """A stage without files, kept with the next one that has some."""
+        self.stages[stage] = Entry(key=key, warnings=tuple(warnings))
+
     def same(self, name: str, content: str) -> bool:
         """Whether our file of that name holds just this."""
         owner = self.owned.get(name)

@@ -11,10 +11,11 @@ from pipeline.export import export_all, poses_csv, tracks_csv
 from pipeline.flight import Flight
 from pipeline.records import Results, Solution, SolverSettings
 from pipeline.report import render_report
-from pipeline.solver import solve
+from pipeline.solver import make_ready, solve
 from pipeline.stages.inputs.tracks import read_tracks, wanted
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import build_problem
+from pipeline.stages.running.check import doubts_of
 from pipeline.stages.running.inputs import check_inputs
 from pipeline.stages.running.ledger import Ledger, key_of, writing
 from pipeline.stages.running.poses import Measure, measuring
@@ -28,11 +29,10 @@ def run_solve(
     flight: Flight, out: Path, *, settings: SolverSettings | None = None, progress: Progress = silent
 ) -> RunSummary:
     """Adjusts the flight and writes everything that comes of it."""
-    check_inputs(flight, out)
+    models, measure = check_inputs(flight, out), measuring(flight, progress)
     with writing(out) as ledger:
-        return solve_into(
-            ledger, flight, measuring(flight, progress), settings=settings, resume=False, progress=progress
-        )
+        doubts = doubts_of(ledger, flight, models, measure)
+        return solve_into(ledger, flight, measure, settings=settings, doubts=doubts, resume=False, progress=progress)
 
 
 def solve_into(
@@ -41,6 +41,7 @@ def solve_into(
     measure: Measure,
     *,
     settings: SolverSettings | None = None,
+    doubts: Sequence[str] = (),
     resume: bool,
     progress: Progress = silent,
 ) -> RunSummary:
@@ -62,6 +63,8 @@ def solve_into(
         )  # fmt: skip
     with clock.stage("poses"):
         opened, measured = measure()
+    with clock.stage("compile"):
+        make_ready(lambda done, of: progress("compile the solver, once", done, of))
     with clock.stage("solve"):
         built = build_problem(flight, tracks, measured, models)
         progress("solve", 0, 1)
@@ -69,7 +72,7 @@ def solve_into(
         progress("solve", 1, 1)
     clock.seconds["solver"] = solution.seconds
     with clock.stage("write"):
-        notes = tracking_notes(flight, ledger)
+        notes = (*doubts, *tracking_notes(flight, ledger))
         results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
         files = outputs(results, measured, solution)
         ledger.record("solve", key, files, warnings=results.warnings)
