@@ -49,7 +49,7 @@ def test_wandering_errors_enter_the_normal_equations_as_they_enter_the_residuals
     sigma = np.zeros((2, 6))
     sigma[1] = [0.01, 0.01, 0.01, 1.0, 1.0, 1.0]
     wander = wander_knots(model.frames, sigma, np.full((2, 6), 2.0))
-    model = model.changed(wander=wander)
+    model = model.changed(wander=wander, pose=changed(model.pose, spread=np.zeros((2, 6))))
     rng = np.random.default_rng(0)
     state = changed(state, wander=rng.normal(size=(wander.count, 6)) * sigma[1])
     here = linear(model, state)
