@@ -102,8 +102,9 @@ def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
         blocks, begin=blocks.begin[low : high + 1], camera=blocks.camera[own], span=blocks.span[own],
         segment=blocks.segment[own], cluster=blocks.cluster[own], half_s=blocks.half_s[own],
         local_from_camera=blocks.local_from_camera[own],
+        wander=None if blocks.wander is None else blocks.wander[own],
     )  # fmt: skip
-    return part, replace(at, series=at.series[own])
+    return part, replace(at, series=at.series[own], bias=at.bias[own])
 
 
 def global_places(model: Model, blocks: Blocks) -> Ints:

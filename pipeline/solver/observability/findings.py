@@ -32,6 +32,7 @@ from pipeline.solver.observability.ray_bundles import (
     bundle_of,
     lie_in_one_plane,
     meet_in_one_point,
+    moves_simply,
     slides_along_rays,
     stand_on_one_line,
     stands_still,
@@ -182,7 +183,7 @@ def _why_it_slides(bundle: Bundle, order: int, watching: Sequence[str]) -> str:
         return "all of its sight rays are parallel: it moves along them, or with the camera"
     if stands_still(bundle):
         return f"all of its sight rays pass through one point ({watching[0]} stands still)"
-    if bundle.cameras > 1 and meet_in_one_point(bundle):
+    if not moves_simply(bundle, order) and meet_in_one_point(bundle):
         return "all of its sight rays pass through one point"
     return f"{', '.join(watching)} moves no less simply than the target (a polynomial of order {order} or less)"
 

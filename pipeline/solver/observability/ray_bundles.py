@@ -142,6 +142,16 @@ def stands_still(bundle: Bundle) -> bool:
     return bool(bundle.cameras == 1 and np.sqrt((spread**2).mean()) < 3 * bundle.position_bias_m + 1e-6)
 
 
+def moves_simply(bundle: Bundle, order: int) -> bool:
+    """Whether one camera alone sees the target and itself moves as a polynomial of `order`, as far as one can tell."""
+    if bundle.cameras > 1:
+        return False
+    middle, half = 0.5 * (bundle.time_s.min() + bundle.time_s.max()), max(0.5 * float(np.ptp(bundle.time_s)), 1e-9)
+    powers = np.polynomial.legendre.legvander((bundle.time_s - middle) / half, order)
+    off = bundle.centre_m - powers @ np.linalg.lstsq(powers, bundle.centre_m, rcond=None)[0]
+    return bool(np.sqrt((off**2).sum(axis=1).mean()) < 3 * bundle.position_bias_m + 1e-6)
+
+
 def meet_in_one_point(bundle: Bundle) -> bool:
     """Whether one point lies on every ray: the camera itself where it stands still, or a point that all rays pass."""
     if stands_still(bundle):
