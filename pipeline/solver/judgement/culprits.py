@@ -120,7 +120,11 @@ def thinned(model: Model, state: State) -> tuple[Model, State]:
     chosen = np.concatenate(rows)
     fewer = _chosen(frames, chosen, np.array([len(own) for own in rows]))
     drift = replace(model.drift, segment=model.drift.segment[chosen])
-    return model.changed(frames=fewer, drift=drift), replace(state, own=state.own[chosen])
+    wander = model.wander
+    if wander is not None:
+        rows_of = {name: getattr(wander, name)[chosen] for name in ("left", "share", "piece")}
+        wander = replace(wander, **rows_of)
+    return model.changed(frames=fewer, drift=drift, wander=wander), replace(state, own=state.own[chosen])
 
 
 def _spread(frames: Frames, c: int) -> Ints:
@@ -174,7 +178,7 @@ def suspected(model: Model, misfits: Misfits, sequences: Sequence[PoseSequence])
 
 def _steps(model: Model, sequences: Sequence[PoseSequence], blocks: Sequence[str]) -> Iterator[Change]:
     """A camera that changes where its pose errors step most, or in its middle."""
-    if model.drift.count:
+    if model.drift.count or (model.wander is not None and model.wander.count):
         return
     for c, name in enumerate(model.frames.cameras):
         own = model.frames.frame[model.frames.of(c)]
@@ -287,7 +291,7 @@ def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]
     for offset, scale in (here, *clocks):
         camera = plain.copy()
         camera[:, OFFSET], camera[:, SCALE] = offset, scale
-        fresh = replace(state, camera=camera, own=np.zeros_like(state.own))
+        fresh = replace(state, camera=camera, own=np.zeros_like(state.own), wander=np.zeros_like(state.wander))
         try:
             out.append((intersect_weighted if spline else intersect)(model, fresh))
         except (RunningFixError, np.linalg.LinAlgError):

@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.model import Model, State, pose_error
 from pipeline.solver.judgement.prior_tests import log10_chance
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, common_time_s
 from pipeline.solver.observation.residuals import linearise, place_shift
@@ -62,7 +62,7 @@ def own_information(model: Model, state: State, chosen: Ints) -> Floats:
     frames = model.frames
     camera = frames.camera[chosen]
     spread = model.pose.spread[camera]
-    error = state.camera[camera, :6] + spread * state.own[chosen]
+    error = pose_error(model, state, chosen)
     time = common_time_s(frames, model.drift, state.camera, state.deviation)[chosen]
     target_m = model.basis.position(time, state.coefficients)
     line = linearise(frames, chosen, target_m, error, state.camera[camera, FOCAL])  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.records import DepthRange, Grade, Problem, Reason, Solution, Verdict, worst
+from pipeline.records import DepthRange, Finding, Grade, Problem, Reason, Solution, Verdict, worst
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.changes import FREED
 from pipeline.solver.judgement.culprits import Clocks, Explained, Searched, search_culprits
@@ -54,7 +54,7 @@ class Tests:
 
 def judged(problem: Problem, found: Outcome, solution: Solution, settings: JudgementSettings = SETTINGS) -> Solution:
     """The solution with its verdict, the chi-square it was to be expected to have, and the depths that are unsure."""
-    reasons = [*_convergence(solution), *_offsets(solution), *_left_out(solution)]
+    reasons = [*_convergence(solution), *_offsets(solution), *_spoken(solution.findings)]
     expected, depths = solution.expected_chi_square, solution.depths
     if solution.method == "map" and found.plain is not None:
         tests = tested(found)
@@ -67,7 +67,7 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         ]
         if doubts:
             doubts = _with_suspects(problem, found, tests, doubts)
-        reasons = [*doubts, *reasons, *_outliers(solution), *_depths(depths)]
+        reasons = [*doubts, *reasons, *_depths(depths)]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths)
 
@@ -276,27 +276,27 @@ def _offsets(solution: Solution) -> list[Reason]:
     ]  # fmt: skip
 
 
-def _left_out(solution: Solution) -> list[Reason]:
+SPOKEN = {
+    "left-out": "look at those sightings",
+    "target-left-out": "give it what the words ask for, or leave it out of the flight file",
+    "low-weights": 'look at the tracks of that camera; with that many outliers use robust = "cauchy"',
+}
+"""Findings that lower the verdict to "care", with their advice."""
+
+
+def _spoken(findings: Iterable[Finding]) -> list[Reason]:
     return [
-        Reason(kind=f.kind, subject=f.subject, words=f.words, grade="care", advice="look at those sightings")
-        for f in solution.findings
-        if f.kind == "left-out"
+        Reason(kind=f.kind, subject=f.subject, words=f.words, grade="care", advice=SPOKEN[f.kind])
+        for f in findings
+        if f.kind in SPOKEN
     ]
 
 
-def _outliers(solution: Solution) -> list[Reason]:
-    """Said where more than a fifth of the sightings has low weight."""
-    weight = solution.sightings.weight
-    share = float((weight < 0.5).mean()) if len(weight) else 0.0
-    if share < 0.2:
-        return []
-    return [
-        Reason(
-            kind="outliers", subject="", words=f"{100 * share:.0f} % of the sightings have less than half weight",
-            advice='look at the tracks; with that many outliers use robust = "cauchy"', grade="care", figure=share,
-            measure="share of the sightings",
-        )
-    ]  # fmt: skip
+def with_findings(solution: Solution, findings: tuple[Finding, ...]) -> Solution:
+    """The solution with findings from before it was solved, and with the verdict that they leave."""
+    reasons = (*solution.verdict.reasons, *_spoken(findings))
+    verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=reasons)
+    return replace(solution, findings=(*findings, *solution.findings), verdict=verdict)
 
 
 def _depths(depths: Iterable[DepthRange]) -> list[Reason]:
