@@ -44,6 +44,8 @@ def _plain(found: Inspection, log: FlightLog) -> dict[str, Any]:
         "log": found.file,
         "format": found.format,
         "system": log.system,
+        "systems": list(log.systems),
+        "gimbals": list(log.gimbals),
         "messages": found.messages,
         "counts": dict(found.counts),
         "corrupt_packets": found.corrupt_packets,
@@ -55,5 +57,7 @@ def _plain(found: Inspection, log: FlightLog) -> dict[str, Any]:
         "utc": None if log.utc is None else asdict(log.utc),
         "camera_events": len(log.camera_event_s),
         "missing": list(found.missing),
+        "warnings": list(log.notes),
+        "flight_file": list(found.flight_file),
         "words": list(found.words),
     }

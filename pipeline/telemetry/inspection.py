@@ -10,6 +10,8 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
+from pipeline.telemetry.camera_pose.sigma import log_sigma
+from pipeline.telemetry.clocks.own_clock import counts_from_1970
 from pipeline.telemetry.gimbals.frames import FRAME_NAMES
 from pipeline.telemetry.log.flight_log import FlightLog
 from pipeline.telemetry.log.missing import missing_attitude, missing_gimbal, missing_position
@@ -36,6 +38,7 @@ class Inspection:
 
     series   position, attitude, gimbal: those that are there
     missing  what camera poses lack, each with what to do about it
+    flight_file  lines for a camera's table of the flight file, as far as the log tells them
     words    the whole as lines for people
     """
 
@@ -46,6 +49,7 @@ class Inspection:
     corrupt_packets: int
     series: tuple[SeriesFacts, ...]
     missing: tuple[str, ...]
+    flight_file: tuple[str, ...]
     words: tuple[str, ...]
 
 
@@ -53,7 +57,8 @@ def inspect_log(log: FlightLog) -> Inspection:
     """Everything a person should know of a log before flying it through the pipeline."""
     named = (("position", log.position), ("attitude", log.attitude), ("gimbal", log.gimbal))
     series = tuple(_facts(what, s.source, s.time_s, s.time_s[s.valid]) for what, s in named if s is not None)
-    missing = _missing(log)
+    missing, keys = _missing(log), _flight_file(log)
+    to_write = ("for the flight file:", *(f"  {line}" for line in keys))
     return Inspection(
         file=log.path.name,
         format=log.format,
@@ -62,7 +67,8 @@ def inspect_log(log: FlightLog) -> Inspection:
         corrupt_packets=log.corrupt_packets,
         series=series,
         missing=missing,
-        words=(*_head(log), *map(_series_words, series), *_more(log), *log.notes, *missing),
+        flight_file=keys,
+        words=(*_head(log), *map(_series_words, series), *_more(log), *log.notes, *missing, *to_write),
     )
 
 
@@ -97,12 +103,37 @@ def _missing(log: FlightLog) -> tuple[str, ...]:
     return tuple(found)
 
 
+def _flight_file(log: FlightLog) -> tuple[str, ...]:
+    """Lines for a camera's table."""
+    lines = [f'telemetry = "{log.path.name}"']
+    if len(log.systems) > 1:
+        lines.append(f"system = {log.system}   # of {', '.join(map(str, log.systems))}")
+    if log.gimbal is not None and log.gimbal.valid.sum() >= 2:
+        lines.append('mount = "gimbal"   # else the camera\'s angles in the body: { roll_deg, pitch_deg, yaw_deg }')
+        if log.gimbals:
+            lines.append(f"gimbal = {log.gimbals[0]}   # of {', '.join(map(str, log.gimbals))}")
+    else:
+        lines.append("mount = { roll_deg = 0, pitch_deg = 0, yaw_deg = 0 }   # the camera in the body: fill in")
+    if len(log.camera_event_s):
+        lines.append('start = "camera-event"   # if the first exposure is frame 0; else "auto"')
+    elif log.format == "dji srt":
+        lines.append("start = 0.0   # of the video that the subtitles belong to")
+    else:
+        utc = "a UTC time, " if log.utc is not None else ""
+        lines.append(f'start = "auto"   # or {utc}or seconds of log time')
+    if log.position is not None and log.position.datum == "home":
+        lines.append('takeoff = { height = 0.0, datum = "msl" }   # how high the take-off place is: fill in')
+    return tuple(lines)
+
+
 def _head(log: FlightLog) -> list[str]:
     who = "" if log.system is None else f", system {log.system}"
     who += "" if log.component is None else f" component {log.component}"
     lines = [f"{log.path.name}: {log.format}, {sum(log.counts.values())} messages of {len(log.counts)} kinds{who}"]
     if log.corrupt_packets:
         lines.append(f"{log.corrupt_packets} corrupt packets or stretches, none of them used")
+    if len(log.systems) > 1:
+        lines.append(f"vehicles that give positions: systems {', '.join(map(str, log.systems))}")
     return lines
 
 
@@ -123,8 +154,11 @@ def _more(log: FlightLog) -> list[str]:
         frames = " or ".join(FRAME_NAMES[int(kind)] for kind in np.unique(log.gimbal.frame))
         lines.append(f"gimbal angles count from {frames}")
     if log.utc is not None:
-        moment = datetime.fromtimestamp(log.utc.other_s(0.0), UTC).isoformat(timespec="milliseconds")
-        lines.append(f"UTC at log time 0: {moment} within {log.utc.sigma_s:.2f} s (one sigma), by {log.utc.source}")
+        at = log.utc.log_epoch_s if counts_from_1970(log) else 0.0
+        moment = datetime.fromtimestamp(log.utc.other_s(at), UTC).isoformat(timespec="milliseconds")
+        lines.append(
+            f"UTC at log time {at:.0f}: {moment} within {log.utc.sigma_s:.2f} s (one sigma), by {log.utc.source}"
+        )
     else:
         lines.append('UTC is not known: `start` must be log time, "camera-event" or "auto"')
     if len(log.camera_event_s):
@@ -135,4 +169,9 @@ def _more(log: FlightLog) -> list[str]:
     if log.accuracy.source:
         stated = log.accuracy
         lines.append(f"accuracy by {stated.source}: {stated.horizontal_m:.2f} m across, {stated.vertical_m:.2f} m up")
+    sigma = log_sigma(log)
+    lines.append(
+        f"sigmas from it: position {sigma.position_bias_m:.2f} m constant and {sigma.position_m:.2f} m moving,"
+        f" attitude {np.degrees(sigma.attitude_bias_rad):.2f} degrees constant"
+    )
     return lines

@@ -181,3 +181,47 @@ def log_of(
 
 def turned(yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Any:
     return rotation.ned_from_frd(*np.radians([yaw_deg, pitch_deg, roll_deg]))
+
+
+ULOG_TYPES = {"u64": "uint64_t", "f4": "float", "f8": "double", "i1": "int8_t", "u1": "uint8_t", "u2": "uint16_t",
+              "u4": "uint32_t", "b": "bool"}  # fmt: skip
+ULOG_PACK = {"u64": "Q", "f4": "f", "f8": "d", "i1": "b", "u1": "B", "u2": "H", "u4": "I", "b": "?"}
+
+
+def ulog(
+    path: Path,
+    topics: dict[str, tuple[dict[str, str], list[dict[str, float]]]],
+    *,
+    info: dict[str, int] | None = None,
+    parameters: dict[str, int] | None = None,
+) -> Path:
+    """A PX4 log packed by hand (ULog 1.0): each topic "name" or "name.instance" has fields (name -> type) and
+    rows; "q" is four floats."""
+    out = bytearray(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0))
+
+    def put(kind: str, body: bytes) -> None:
+        out.extend(struct.pack("<HB", len(body), ord(kind)) + body)
+
+    for key, value in (info or {}).items():
+        name = f"uint64_t {key}".encode()
+        put("I", bytes([len(name)]) + name + struct.pack("<Q", value))
+    for key, value in (parameters or {}).items():
+        name = f"int32_t {key}".encode()
+        put("P", bytes([len(name)]) + name + struct.pack("<i", value))
+    bare = {name.split(".")[0]: fields for name, (fields, _) in topics.items()}
+    for name, fields in bare.items():
+        members = {"timestamp": "u64", **fields}
+        declared = (f"float[4] {f[:-3]};" if t == "q" else f"{ULOG_TYPES[t]} {f};" for f, t in members.items())
+        put("F", (name + ":" + "".join(declared)).encode())
+    rows = []
+    for number, (name, (fields, found)) in enumerate(topics.items()):
+        base, _, instance = name.partition(".")
+        put("A", struct.pack("<BH", int(instance or 0), number) + base.encode())
+        form = "<HQ" + "".join("4f" if t == "q" else ULOG_PACK[t] for t in fields.values())
+        for row in found:
+            values = [v for f, t in fields.items() for v in (row[f] if t == "q" else [row[f]])]
+            rows.append((row["t"], struct.pack(form, number, round(row["t"] * 1e6), *values)))
+    for _, body in sorted(rows, key=lambda r: r[0]) if not (info or {}).get("unsorted") else rows:
+        put("D", body)
+    path.write_bytes(out)
+    return path

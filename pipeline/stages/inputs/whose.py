@@ -108,3 +108,14 @@ def check_datums(flight: Flight, logs: Mapping[str, FlightLog]) -> None:
                 expected="heights of one datum",
                 advice='write takeoff = { height = 61.0, datum = "msl" } (or "ellipsoid"): how high the take-off was',
             )
+
+
+def gimbal_left_out(camera: CameraSettings, log: FlightLog) -> tuple[str, ...]:
+    """A note where the log tells of a gimbal, and the flight file fixes the camera in the body."""
+    gimbal = log.gimbal
+    if camera.mount.gimbal or gimbal is None or gimbal.valid.sum() < 2:
+        return ()
+    return (
+        f"the log tells of a gimbal ({gimbal.source}), and the camera is taken as fixed in the body: if it hangs in the"
+        ' gimbal write mount = "gimbal", and what `boresight` finds as mount_correction',
+    )

@@ -17,6 +17,7 @@ from pipeline.geometry import rotation
 from pipeline.records import ImageTrack, InstrumentSigma, PoseTrack
 from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock
 from pipeline.stages.inputs.sources import Sources
+from pipeline.stages.inputs.whose import gimbal_left_out
 from pipeline.stages.poses.measured import MeasuredPoses, sigma_in_force, utc_of_start, wanted_frames
 from pipeline.stages.poses.start_by_turning import FoundStart, auto_start
 from pipeline.telemetry import (
@@ -95,7 +96,7 @@ def _from_log(
     log, where = sources.logs[camera.name], flight.key(camera.name, "telemetry")
     mount, lever, origin = _mount(camera), np.array(camera.lever_arm_m), sources.origin
     assert origin is not None
-    notes = log.notes
+    notes = (*log.notes, *gimbal_left_out(camera, log))
     found: FoundStart | None = None
     if camera.start == AUTO:
         found = auto_start(flight, camera, log, clock=clock, mount=mount, origin=origin, progress=progress)

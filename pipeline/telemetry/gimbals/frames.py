@@ -93,18 +93,19 @@ def held_frame(
 
     `against_body` (n, 4) is its attitude as it reads against the body, where that is another than as it stands.
     """
-    seen, frames = _beside_body(gimbal, body), np.unique(gimbal.frame)
-    if seen is None or len(frames) != 1:
+    attitude = gimbal.attitude if against_body is None else against_body
+    as_servos = replace(gimbal, attitude=attitude, frame=np.full(len(gimbal.frame), BODY))
+    seen, servos, frames = _beside_body(gimbal, body), _beside_body(as_servos, body), np.unique(gimbal.frame)
+    if seen is None or servos is None or len(frames) != 1:
         return gimbal, []
     stated, (mount, turned) = int(frames[0]), seen
-    level, servo = _unrest(mount), _unrest(rotation.multiply(turned, mount))
+    level, servo = _unrest(mount), _unrest(rotation.multiply(servos[1], servos[0]))
     if level > STILL_RAD**2 and servo < STEADIER * level:
-        attitude = gimbal.attitude if against_body is None else against_body
-        found = replace(gimbal, attitude=attitude, frame=np.full(len(gimbal.frame), BODY))
+        found = as_servos
         return found, [
             f"{gimbal.source} says that roll and pitch count from the horizon, but they undo the vehicle's own:"
             f" they are read as angles against its body (servos); the two readings are"
-            f" {_apart_deg(mount, turned):.1f} degrees apart"
+            f" {_apart_deg(servos[0], servos[1]):.1f} degrees apart"
         ]
     yaw = _yaw_frame(mount, turned, stated)
     if yaw != stated:
@@ -112,7 +113,7 @@ def held_frame(
             f"{gimbal.source} says that yaw counts from {FRAME_NAMES[stated]}, but it turns with the vehicle as one"
             f" that counts from {FRAME_NAMES[yaw]}: it is read so"
         ]
-    doubt = _doubt(gimbal, body)
+    doubt = _doubt(as_servos, body)
     return gimbal, [f"{gimbal.source}: {doubt}; it is read as it says, against {FRAME_NAMES[stated]}"] if doubt else []
 
 

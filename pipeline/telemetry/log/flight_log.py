@@ -33,6 +33,7 @@ class PositionSeries:
     lat_rad, lon_rad, height_m  (n,); NaN where the message has no valid fix
     velocity_ned_mps  (n, 3); NaN where unknown
     above_home_m      (n,) above the take-off place where the log says it too; NaN where not
+    repeated          (n,) true where a message only repeats the position before it, which is no sample of its own
     """
 
     source: str
@@ -44,6 +45,7 @@ class PositionSeries:
     height_m: Floats
     velocity_ned_mps: Floats
     above_home_m: Floats = field(default_factory=lambda: np.empty(0))
+    repeated: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -52,9 +54,16 @@ class PositionSeries:
         settle(self, velocity_ned_mps=frozen(self.velocity_ned_mps, (n, 3), "velocity_ned_mps"))
         above_home = self.above_home_m if len(self.above_home_m) else np.full(n, np.nan)
         settle(self, above_home_m=frozen(above_home, (n,), "above_home_m"))
+        repeated = self.repeated if len(self.repeated) else np.zeros(n, dtype=np.bool_)
+        settle(self, repeated=frozen(repeated, (n,), "repeated", np.bool_))
 
     @property
     def valid(self) -> Bools:
+        """(n,) true where there is a fix and a time, and not only a repetition."""
+        return np.asarray(self.told & ~self.repeated)
+
+    @property
+    def told(self) -> Bools:
         """(n,) true where there is a fix and a time."""
         return np.asarray(np.isfinite(self.time_s + self.lat_rad + self.lon_rad + self.height_m))
 

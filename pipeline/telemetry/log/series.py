@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.telemetry.log.flight_log import AttitudeSeries, Datum, GimbalSeries, PositionSeries
 from pipeline.telemetry.log.tables import MessageTable
+
+METRES_PER_DEGREE = 111_320.0
+STAIRCASE = 1.5
+"""Places that are renewed this much more seldom than they are told are a staircase."""
+SLOWEST_RENEWAL_S = 1.1
+"""No receiver is slower; places that change more seldom do so because of their digits, or because nothing moves."""
+LEAST_STEP_M, LEAST_STEPS = 0.3, 5
+"""Steps shorter than this do no harm; fewer than this tell no rate."""
 
 
 def position_series(
@@ -34,7 +42,32 @@ def position_series(
         height_m=np.where(bad, np.nan, height_m)[order],
         velocity_ned_mps=velocity_ned_mps[order],
         above_home_m=np.empty(0) if above_home_m is None else np.where(bad, np.nan, above_home_m)[order],
+        repeated=repetitions(time_s[order], lat_deg[order], np.where(bad, np.nan, lon_deg)[order]),
     )
+
+
+def repetitions(time_s: Floats, lat_deg: Floats, lon_deg: Floats) -> Bools:
+    """True (n,) where a row in time order only repeats the place before it, of messages that come faster than places.
+
+    A receiver's 5 Hz told at 30 Hz is a staircase: the first of each step is a sample. A vehicle that really stands is
+    told from it by how long it does.
+    """
+    none = np.zeros(len(time_s), dtype=np.bool_)
+    told = np.flatnonzero(np.isfinite(time_s + lat_deg + lon_deg))
+    if len(told) < 3:
+        return none
+    time, lat, lon = time_s[told], lat_deg[told], lon_deg[told]
+    north, east = np.diff(lat) * METRES_PER_DEGREE, np.diff(lon) * METRES_PER_DEGREE * np.cos(np.radians(lat[1:]))
+    changed = np.concatenate([[True], (north != 0) | (east != 0)])
+    steps = np.hypot(north, east)[changed[1:]]
+    if len(steps) < LEAST_STEPS or np.median(steps) < LEAST_STEP_M:
+        return none
+    renewal, message = float(np.median(np.diff(time[changed]))), float(np.median(np.diff(time)))
+    if not STAIRCASE * message <= renewal <= SLOWEST_RENEWAL_S:
+        return none
+    since = time - time[changed][np.cumsum(changed) - 1]
+    none[told] = ~changed & (since < 2 * renewal)
+    return none
 
 
 def attitude_series(*, source: str, time_s: Floats, ned_from_body: Floats) -> AttitudeSeries:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,37 @@ class MessageTable:
             component=self.component[keep],
             columns={name: column[keep] for name, column in self.columns.items()},
         )
+
+
+def joined_tables(parts: Sequence[MessageTable]) -> MessageTable:
+    """One table of parts that follow each other; a field that one of them does not have is NaN, or empty, there."""
+    if len(parts) == 1:
+        return parts[0]
+    names = dict.fromkeys(name for part in parts for name in part.columns)
+    return MessageTable(
+        name=parts[0].name,
+        place=np.concatenate([part.place for part in parts]),
+        record_time_s=np.concatenate([part.record_time_s for part in parts]),
+        system=np.concatenate([part.system for part in parts]),
+        component=np.concatenate([part.component for part in parts]),
+        columns={name: _joined_column([part.columns.get(name) for part in parts], parts) for name in names},
+    )
+
+
+def _joined_column(columns: Sequence[Column | None], parts: Sequence[MessageTable]) -> Column:
+    there = [column for column in columns if column is not None]
+    kinds = {column.dtype.kind == "S" for column in there}
+    if len({column.shape[1:] for column in there}) > 1 or len(kinds) > 1:  # the meaning changed: the last one holds
+        there = there[-1:]
+    empty: Column = np.zeros((), there[-1].dtype) if there[-1].dtype.kind == "S" else np.array(np.nan)
+    return np.concatenate(
+        [
+            np.broadcast_to(empty, (len(part), *there[-1].shape[1:]))
+            if column is None or not any(column is one for one in there)
+            else column
+            for column, part in zip(columns, parts, strict=True)
+        ]
+    )
 
 
 class Growing:

@@ -15,14 +15,21 @@ BRIDGED_S = 0.5
 
 
 def with_validity_notes(log: FlightLog) -> FlightLog:
-    """The log with a note for each series of which rows between valid ones are invalid."""
+    """The log with a note for each series of which rows between valid ones are invalid, or only repeat others."""
     named = (("positions", log.position), ("attitudes", log.attitude), ("gimbal attitudes", log.gimbal))
     said = [note for what, series in named if series is not None and (note := _note(what, series))]
+    if log.position is not None and log.position.repeated.any():
+        said.append(_staircase(log.position))
     return replace(log, notes=(*log.notes, *said)) if said else log
 
 
+def _staircase(position: PositionSeries) -> str:
+    every, own = (1 / float(np.median(np.diff(position.time_s[rows]))) for rows in (position.told, position.valid))
+    return f"positions in {position.source} come at {every:.1f} Hz, renewed at {own:.1f} Hz: repetitions are one sample"
+
+
 def _note(what: str, series: PositionSeries | AttitudeSeries | GimbalSeries) -> str:
-    valid = series.valid
+    valid = series.told if isinstance(series, PositionSeries) else series.valid
     inside = np.flatnonzero(valid)
     if len(inside) < 2:
         return ""

@@ -32,7 +32,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
     position, height_notes = vehicle_position(vehicle)
     attitude = vehicle_attitude(vehicle)
     mount, gimbals, gimbal_notes = gimbal_attitude(vehicle, attitude, gimbal)
-    events, event_source = camera_events(vehicle, utc)
+    events, event_source, event_notes = camera_events(vehicle, utc)
     return FlightLog(
         path=raw.path,
         format=raw.format,
@@ -50,5 +50,5 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
         utc=utc,
         record_clock=vehicle.clock.record,
         accuracy=stated_accuracy(vehicle),
-        notes=(*raw.notes, *notes, *height_notes, *gimbal_notes),
+        notes=(*raw.notes, *notes, *height_notes, *gimbal_notes, *event_notes),
     )

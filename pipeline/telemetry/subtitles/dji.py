@@ -2,7 +2,7 @@
 
     [latitude: 41.42] [longitude: 2.23] [abs_alt: 117.0]      brackets; "longtitude" in old ones
     GPS (-58.85, -34.23, 15), H 85.8m                         longitude, latitude, satellites
-    GPS(36.6146,-6.1120,0.0M)                                 latitude, longitude, height, told by the unit
+    GPS(36.6146,-6.1120,0.0M)                                 latitude, longitude, height, told by unit or decimals
     F.PRY (2.7, -7.0, 110.1), G.PRY (-24.4, 0.0, 110.4)       pitch, roll, yaw in degrees of flight and gimbal
     [gb_yaw: -162.8 gb_pitch: 0.0 gb_roll: 0.0]
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +23,26 @@ from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
+from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
 from pipeline.telemetry.heights.egm96 import geoid_height_m
-from pipeline.telemetry.log.flight_log import EARTH, AttitudeSeries, Datum, FlightLog, GimbalSeries, PositionSeries
+from pipeline.telemetry.heights.takeoff import HOME_NOTE
+from pipeline.telemetry.log.flight_log import (
+    EARTH,
+    Accuracy,
+    AttitudeSeries,
+    Datum,
+    FlightLog,
+    GimbalSeries,
+    PositionSeries,
+)
 from pipeline.telemetry.log.series import attitude_series, gimbal_series, position_series
 from pipeline.telemetry.log.tables import Progress
 
-NUMBER = r"\s*(-?\d+(?:\.\d+)?)"
+NUMBER = r"\s*([-+]?\d+(?:\.\d+)?)"
 CUE = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 DATE = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)(?:[,.](\d{1,3}))?")
 GPS = re.compile(rf"GPS\s*\({NUMBER}\s*,{NUMBER}\s*,{NUMBER}\s*(M?)\)")
-RELATIVE = re.compile(rf"(?:rel_alt\s*:|BAROMETER\s*:|\bH\b){NUMBER}")
+RELATIVE = re.compile(rf"(?:rel_alt\s*:|BAROMETER\s*[:(]|\bH\b){NUMBER}")
 ABSOLUTE = re.compile(rf"(?:abs_alt|altitude)\s*:{NUMBER}")
 TRIPLE = rf"\s*\({NUMBER}°?\s*,{NUMBER}°?\s*,{NUMBER}°?\s*\)"
 FLIGHT, GIMBAL = re.compile(r"F\.PRY" + TRIPLE), re.compile(r"G\.PRY" + TRIPLE)
@@ -42,6 +53,15 @@ BRACKETS = {
 }  # fmt: skip
 TIME_NOTE = "log time is the video's own; dates in the subtitles are of an unknown time zone"
 NOTHING = float("nan")
+RECEIVER_SIGMA_M = 3.0
+"""A receiver of one frequency, of which the subtitles state nothing."""
+ABSOLUTE_SIGMA_M = 50.0
+"""DJI's abs_alt is the pressure's height in the standard atmosphere, near sea level 8 m a hectopascal: weather is 50 m,
+and public samples are off by as much."""
+BAROMETER_SIGMA_M = 3.0
+"""Above home: what pressure drifts during a flight, and what a take-off height from a map is worth."""
+LOWEST_LAND_M = -30.0
+"""A take-off place below this is a wrong pressure: only a few basins are lower."""
 
 
 def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
@@ -50,8 +70,8 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
     Raises InputFileError where the file cannot be read or holds no subtitle with a time.
     """
     text = read_bytes(path, expected="DJI subtitles (.SRT)").decode("utf-8", "replace").replace("\r", "")
-    blocks = [block for block in re.split(r"\n\s*\n", text) if block.strip()]
-    time = _times(blocks)
+    blocks = [part for block in re.split(r"\n\s*\n", text) for part in _cues(block) if part.strip()]
+    time, joined = _continued(_times(blocks))
     timed = np.isfinite(time)
     if not timed.any():
         raise InputFileError(
@@ -63,7 +83,7 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
     used = [block for block, good in zip(blocks, timed.tolist(), strict=True) if good]
     if progress is not None:
         progress(1.0)
-    position = _position(used, time[timed])
+    position, accuracy, height_notes = _position(used, time[timed])
     return FlightLog(
         path=path,
         format="dji srt",
@@ -72,11 +92,31 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
         position=position,
         attitude=_attitude(used, time[timed]),
         gimbal=_gimbal(used, time[timed]),
+        accuracy=accuracy,
         notes=(
             "log time is the video's own; dates in the subtitles are of an unknown time zone",
-            *_height_note(position),
+            *joined,
+            *height_notes,
         ),
     )
+
+
+def _cues(block: str) -> list[str]:
+    """The subtitles in a block: one, unless blank lines between them are missing."""
+    begins = [found.start() for found in CUE.finditer(block)]
+    return [block[a:b] for a, b in pairwise([0, *begins[1:], len(block)])] if len(begins) > 1 else [block]
+
+
+def _continued(time_s: Floats) -> tuple[Floats, list[str]]:
+    """Times (n,) that go on where another recording's subtitles follow in the same file, and a note for each."""
+    known = np.flatnonzero(np.isfinite(time_s))
+    restart = known[restarts_of(time_s[known])] if len(known) else known
+    found, notes = time_s.copy(), []
+    for first in restart.tolist():
+        offset = float(np.nanmax(found[:first])) + UNKNOWN_BREAK_S - float(time_s[first])
+        found[first:] = time_s[first:] + offset
+        notes.append(f"another recording begins in the file: its log time is that of its subtitles + {offset:.1f} s")
+    return found, notes
 
 
 def _times(blocks: list[str]) -> Floats:
@@ -116,17 +156,17 @@ def _numbers(pattern: re.Pattern[str], blocks: list[str], many: int = 1) -> Floa
     return np.array(rows, float).reshape(-1, many)
 
 
-def _position(blocks: list[str], time_s: Floats) -> PositionSeries | None:
+def _position(blocks: list[str], time_s: Floats) -> tuple[PositionSeries | None, Accuracy, tuple[str, ...]]:
     lat, lon = (_numbers(BRACKETS[name], blocks)[:, 0] for name in ("lat", "lon"))
     pair = _numbers(GPS, blocks, 3)
-    metres = np.array([bool(found and found.group(4)) for found in map(GPS.search, blocks)])
+    metres = np.array([bool(found and (found[4] or "." in found[3])) for found in map(GPS.search, blocks)])
     lat = np.where(np.isfinite(lat), lat, np.where(metres, pair[:, 0], pair[:, 1]))
     lon = np.where(np.isfinite(lon), lon, np.where(metres, pair[:, 1], pair[:, 0]))
     lat, lon = (np.where((lat == 0) & (lon == 0), np.nan, angle) for angle in (lat, lon))
     if not np.isfinite(lat).any():
-        return None
-    datum, words, height = _heights(blocks, lat, lon)
-    return position_series(
+        return None, Accuracy(), ()
+    datum, words, height, up_sigma_m, notes = _heights(blocks, lat, lon)
+    series = position_series(
         source="subtitles",
         datum=datum,
         height_from=words,
@@ -137,22 +177,25 @@ def _position(blocks: list[str], time_s: Floats) -> PositionSeries | None:
         velocity_ned_mps=np.full((len(blocks), 3), np.nan),
         above_home_m=_numbers(RELATIVE, blocks)[:, 0],
     )
+    return series, Accuracy(horizontal_m=RECEIVER_SIGMA_M, vertical_m=up_sigma_m, source=f"DJI's {words}"), notes
 
 
-def _heights(blocks: list[str], lat_deg: Floats, lon_deg: Floats) -> tuple[Datum, str, Floats]:
+def _heights(blocks: list[str], lat_deg: Floats, lon_deg: Floats) -> tuple[Datum, str, Floats, float, tuple[str, ...]]:
+    """Datum, how it came to it, heights (n,), what they are worth, and notes."""
     absolute, relative = _numbers(ABSOLUTE, blocks)[:, 0], _numbers(RELATIVE, blocks)[:, 0]
+    notes: tuple[str, ...] = ()
     if np.isfinite(absolute).any():
-        above = geoid_height_m(np.radians(lat_deg), np.radians(lon_deg))
-        return (
-            "ellipsoid",
-            "altitude as DJI states it, taken as above mean sea level, + undulation by EGM96",
-            absolute + above,
-        )
-    return "home", "above the take-off place: the subtitles do not say how high that is", relative
-
-
-def _height_note(position: PositionSeries | None) -> tuple[str, ...]:
-    return () if position is None or position.datum == "ellipsoid" else (f"heights are {position.height_from}",)
+        takeoff = absolute - relative
+        ground = float(np.nanmedian(takeoff)) if np.isfinite(takeoff).any() else float(np.nanmedian(absolute))
+        if ground > LOWEST_LAND_M:
+            above = geoid_height_m(np.radians(lat_deg), np.radians(lon_deg))
+            words = "altitude, taken as above mean sea level, + undulation by EGM96"
+            said = f"DJI's altitude is by its barometer: {ABSOLUTE_SIGMA_M:.0f} m, one sigma, as a whole"
+            return "ellipsoid", words, absolute + above, ABSOLUTE_SIGMA_M, (said,)
+        notes = (f"altitudes put the take-off place at {ground:.0f} m, where no land is: they are not used",)
+    words = "heights above the take-off place"
+    said = f"{HOME_NOTE}: the subtitles do not say how high that is; `takeoff` does"
+    return "home", words, relative, BAROMETER_SIGMA_M, (*notes, said)
 
 
 def _attitude(blocks: list[str], time_s: Floats) -> AttitudeSeries | None:

@@ -30,6 +30,7 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         progress(1.0)
     position, height_notes = vehicle_position(topics)
     attitude = vehicle_attitude(topics)
+    events, event_source = camera_events(topics)
     mount, gimbals, gimbal_notes = gimbal_attitude(path, log.instances, attitude, gimbal)
     return FlightLog(
         path=path,
@@ -41,8 +42,8 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         position=position,
         attitude=attitude,
         gimbal=mount,
-        camera_event_s=camera_events(topics),
-        camera_event_source="camera_capture" if "camera_capture" in topics else "camera_trigger",
+        camera_event_s=events,
+        camera_event_source=event_source,
         utc=utc_clock(topics, log.info),
         accuracy=stated_accuracy(topics),
         notes=(*log.notes, *height_notes, *gimbal_notes),

@@ -116,7 +116,7 @@ def test_a_message_before_a_parted_header_is_kept(tmp_path):
 
 
 def test_definitions_that_contradict_themselves_are_left_out(tmp_path):
-    """Found by fuzzing: a nameless field, and a text log that defines a message twice."""
+    """Found by fuzzing: a nameless field. A later definition in a text log holds for later lines."""
     records = dataflash_records(seconds=1)
     nameless = records[2].replace(b"TimeUS,DesRoll,", b"TimeUS,,DesRol,")
     (tmp_path / "a.bin").write_bytes(b"".join([*records[:2], nameless, *records[3:]]))
@@ -129,7 +129,9 @@ def test_definitions_that_contradict_themselves_are_left_out(tmp_path):
     ]
     (tmp_path / "a.log").write_text("\n".join(lines))
     found = read_dataflash_text(tmp_path / "a.log")
-    assert (found.counts["ATT"], found.corrupt_packets) == (1, 1)
+    assert (found.counts["ATT"], found.corrupt_packets) == (2, 0)
+    np.testing.assert_array_equal(found.tables["ATT"].floats("Roll"), [2, 2])
+    np.testing.assert_array_equal(found.tables["ATT"].floats("Pitch"), [3, np.nan])
 
 
 def test_numbers_that_a_text_log_calls_text_are_missing(tmp_path):

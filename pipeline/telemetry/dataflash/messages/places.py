@@ -12,7 +12,7 @@ from calibration.foundation.arrays import Ints
 from calibration.foundation.compiled import AVAILABLE
 from pipeline.telemetry.dataflash.messages.chain import SEGMENT_BYTES, chain, first_message
 from pipeline.telemetry.dataflash.messages.doubt import is_whole
-from pipeline.telemetry.dataflash.messages.layout import Layout
+from pipeline.telemetry.dataflash.messages.layout import FMT_KIND, Layout
 from pipeline.telemetry.log.byte_ranges import Pieces, share_read
 from pipeline.telemetry.log.mapped_file import Bytes, taken
 from pipeline.telemetry.log.tables import Progress
@@ -53,7 +53,8 @@ def scan_dataflash(
     length, time_bytes, counts = np.zeros((3, 256), dtype=np.int64)
     listed = np.zeros(256, dtype=np.bool_)
     for kind, layout in layouts.items():
-        length[kind], time_bytes[kind], listed[kind] = layout.length, layout.time_bytes, layout.name in wanted
+        length[kind], time_bytes[kind] = layout.length, layout.time_bytes
+        listed[kind] = layout.readable and (layout.name in wanted or kind == FMT_KIND)
     source = np.frombuffer(data, np.uint8)
     state = np.array([0, 0, -1, -1], dtype=np.int64)
     found: list[tuple[Ints, npt.NDArray[np.uint8], Ints]] = []

@@ -6,7 +6,7 @@ The log defines its own messages (`dataflash_layout`); values are scaled by divi
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +14,23 @@ import numpy as np
 from calibration.foundation.arrays import Ints
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
-from pipeline.telemetry.dataflash.messages.layout import CHUNK, DIVISOR, Layout, layouts_of
-from pipeline.telemetry.dataflash.messages.places import judged, scan_dataflash
+from pipeline.telemetry.dataflash.messages.layout import (
+    CHUNK,
+    DIVISOR,
+    FMT_BYTES,
+    FMT_KIND,
+    Layout,
+    is_damage,
+    layout_of,
+    layouts_of,
+)
+from pipeline.telemetry.dataflash.messages.places import Places, judged, scan_dataflash
 from pipeline.telemetry.log.byte_ranges import Pieces, bytes_in
 from pipeline.telemetry.log.mapped_file import Bytes, mapped, taken
-from pipeline.telemetry.log.tables import Column, MessageTable, Progress, RawLog
+from pipeline.telemetry.log.tables import Column, MessageTable, Progress, RawLog, joined_tables
 
+MOST_EPOCHS = 64
+"""Redefinitions that are followed: a log that redefines more often is broken."""
 WANTED = (
     "PARM", "ATT", "XKQ", "XKQ1", "NKQ1", "AHR2", "POS", "GPS", "GPA", "MNT", "CAM", "TRIG", "XKF4", "NKF4", "XKF1",
     "NKF1", "ORGN",
@@ -47,7 +58,6 @@ def read_dataflash(
     if searched and (every := layouts_of(data, upto=len(data))) != layouts:
         layouts = every
         found = scan_dataflash(data, layouts, wanted, parts, progress)
-    found = judged(np.frombuffer(data, np.uint8), layouts, found)
     if not layouts:
         raise InputFileError(
             where=str(path),
@@ -55,18 +65,64 @@ def read_dataflash(
             expected="an ArduPilot DataFlash log",
             advice="check that the file was downloaded whole and as binary",
         )
-    names = {layout.name: kind for kind, layout in layouts.items()}
+    source = np.frombuffer(data, np.uint8)
+    tables: dict[str, list[MessageTable]] = defaultdict(list)
+    counts: Counter[str] = Counter()
+    corrupt = 0
+    for layouts_then, found_then in _epochs(data, layouts, found, wanted, parts):
+        believed = judged(source, layouts_then, found_then)
+        corrupt += believed.corrupt
+        for kind in np.flatnonzero(believed.counts).tolist():
+            counts[layouts_then[kind].name] += int(believed.counts[kind])
+        for kind in np.unique(believed.kind).tolist():
+            if layouts_then[kind].name in wanted:
+                table = _gather(data, layouts_then[kind], believed.place[believed.kind == kind])
+                tables[layouts_then[kind].name].append(table)
+    unreadable = sorted(layout.name for layout in layouts.values() if not layout.readable and counts[layout.name])
     return RawLog(
         path=path,
         format="dataflash",
-        tables={
-            layouts[kind].name: _gather(data, layouts[kind], found.place[found.kind == kind])
-            for kind in np.unique(found.kind).tolist()
-        },
-        counts={name: int(found.counts[kind]) for name, kind in names.items() if found.counts[kind]},
-        corrupt_packets=found.corrupt,
+        tables={name: joined_tables(parts_) for name, parts_ in tables.items()},
+        counts=counts,
+        corrupt_packets=corrupt,
+        notes=(f"{', '.join(unreadable)}: definition contradicts itself, its messages are stepped over",)
+        if unreadable
+        else (),
         bytes_read=len(data) if pieces and searched else bytes_in(pieces or ()),
     )
+
+
+def _epochs(
+    data: Bytes, layouts: Mapping[int, Layout], found: Places, wanted: tuple[str, ...], parts: Pieces
+) -> Iterator[tuple[Mapping[int, Layout], Places]]:
+    """The messages under the definitions that hold for them, from each redefinition on anew."""
+    for _ in range(MOST_EPOCHS):
+        redefined = _redefined(data, layouts, found)
+        if redefined is None:
+            break
+        at, layout = redefined
+        before = tuple((begin, min(end, at)) for begin, end in parts if begin < at)
+        yield layouts, scan_dataflash(data, layouts, wanted, before, None)
+        layouts = {**layouts, layout.kind: layout}
+        parts = tuple((max(begin, at), end) for begin, end in parts if end > at)
+        if not parts:
+            return
+        found = scan_dataflash(data, layouts, wanted, parts, None)
+    yield layouts, found
+
+
+def _redefined(data: Bytes, layouts: Mapping[int, Layout], found: Places) -> tuple[int, Layout] | None:
+    """Where the first definition ends that is another than the one in force, and what it says."""
+    for at in found.place[found.kind == FMT_KIND].tolist():
+        message = bytes(data[at : at + FMT_BYTES])
+        layout = layout_of(data, message)
+        known = None if layout is None else layouts.get(layout.kind)
+        if layout is None or known is None or layout == known or not layout.readable:
+            continue
+        first = data.find(bytes([*message[:4]]))
+        if first < 0 or first == at or not is_damage(bytes(data[first : first + FMT_BYTES]), message):
+            return at + FMT_BYTES, layout
+    return None
 
 
 def _gather(data: Bytes, layout: Layout, start: Ints) -> MessageTable:
@@ -91,17 +147,17 @@ def read_dataflash_text(path: Path, *, wanted: tuple[str, ...] = WANTED, progres
     """
     lines = read_bytes(path, expected="an ArduPilot DataFlash log as text").decode("utf-8", "replace").splitlines()
     layouts: dict[str, Layout] = {}
-    rows: dict[str, list[tuple[int, list[str]]]] = defaultdict(list)
+    rows: dict[tuple[str, Layout], list[tuple[int, list[str]]]] = defaultdict(list)
     counts: Counter[str] = Counter()
     corrupt = 0
     for place, line in enumerate(lines):
         name, *values = (part.strip() for part in line.split(","))
         if name == "FMT" and len(values) >= 5 and values[0].isdigit():
-            layouts.setdefault(values[2], _text_layout(values))
+            layouts[values[2]] = _text_layout(values)
         elif name in layouts and len(values) == len(layouts[name].fields):
             counts[name] += 1
             if name in wanted:
-                rows[name].append((place, values))
+                rows[name, layouts[name]].append((place, values))
         elif name and name not in ("FMT", "MSG"):
             corrupt += 1
         if progress is not None and place % 65536 == 0:
@@ -113,10 +169,13 @@ def read_dataflash_text(path: Path, *, wanted: tuple[str, ...] = WANTED, progres
             expected="an ArduPilot DataFlash log as text",
             advice="give the binary log (.bin) it was made from",
         )
+    tables: dict[str, list[MessageTable]] = defaultdict(list)
+    for (name, layout), found in rows.items():
+        tables[name].append(_text_table(layout, found))
     return RawLog(
         path=path,
         format="dataflash text",
-        tables={name: _text_table(layouts[name], found) for name, found in rows.items()},
+        tables={name: joined_tables(parts) for name, parts in tables.items()},
         counts=counts,
         corrupt_packets=corrupt,
     )

@@ -112,6 +112,12 @@ class TestGimbals:
             open_sources(flight_of(tmp_path, a=log("a.tlog", 'mount = "gimbal"')))
         assert open_sources(flight_of(tmp_path, a=log("a.tlog", "mount = { pitch_deg = -30 }"))).logs["a"].gimbals
 
+    def test_a_fixed_camera_beside_a_gimbal_is_spoken_of(self, tmp_path):
+        self.link().save(tmp_path / "a.tlog")
+        flight = flight_of(tmp_path, a=log("a.tlog", "mount = { pitch_deg = -30 }"))
+        (pose,) = measure_poses(flight, open_sources(flight))
+        assert any("taken as fixed in the body" in note for note in pose.notes)
+
     def test_one_told_twice_is_one(self, tmp_path):
         self.link(second=(90.0, -30.0)).save(tmp_path / "a.tlog")
         assert open_sources(flight_of(tmp_path, a=log("a.tlog", 'mount = "gimbal"'))).logs["a"].gimbals == ()

@@ -70,7 +70,7 @@ def test_subtitles_of_real_models(name, valid):
     if not (REAL / name).exists():
         pytest.skip(f"{name} is not beside the project (../shared/real/dji-srt)")
     position = read_log(REAL / name).position
-    assert (None if position is None else int(position.valid.sum())) == valid
+    assert (None if position is None else int(position.told.sum())) == valid
 
 
 def test_a_log_is_told_in_words(tmp_path):
@@ -82,6 +82,9 @@ def test_a_log_is_told_in_words(tmp_path):
     text = "\n".join(told.words)
     for part in ("system 1 component 1", "101 of 101 samples valid", "undulation", "UTC at log time 0: 2023-11-14"):
         assert part in text
+    assert told.flight_file[0] == 'telemetry = "a.tlog"'
+    assert 'start = "auto"   # or a UTC time, or seconds of log time' in told.flight_file
+    assert "sigmas from it: position 1.24 m constant and 0.41 m moving" in text
     assert len(told.missing) == 1
     assert "GIMBAL_DEVICE_ATTITUDE_STATUS" in told.missing[0]
 
@@ -90,3 +93,17 @@ def test_gaps_are_counted():
     told = inspect_log(log_of(time_s=(0.0, 1.0, 9.0)))
     assert (told.series[0].gaps, told.series[0].longest_gap_s) == (1, 8.0)
     assert "1 gaps over 3 s" in "\n".join(told.words)
+
+
+def test_what_to_write_where_a_log_leaves_a_choice(tmp_path):
+    from tests.scenes.logs import Link, fly
+
+    link = Link()
+    fly(link, seconds=3, system=1)
+    fly(link, seconds=4, system=5)
+    told = inspect_log(read_log(link.save(tmp_path / "two.tlog")))
+    assert "system = 5   # of 1, 5" in told.flight_file
+    assert "vehicles that give positions: systems 1, 5" in told.words
+    home = inspect_log(srt(tmp_path, ["GPS (2.0, 41.0, 15), H 5.0m, G.PRY (-24.0°, 0.0°, 110.5°)"] * 3))
+    assert any(line.startswith("takeoff = ") for line in home.flight_file)
+    assert any(line.startswith('mount = "gimbal"') for line in home.flight_file)

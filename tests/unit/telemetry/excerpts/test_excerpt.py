@@ -26,7 +26,7 @@ SERIES = {
     "position": ("time_s", "lat_rad", "lon_rad", "height_m", "velocity_ned_mps"),
     "attitude": ("time_s", "ned_from_body"),
 }
-REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "logs"
+REAL = Path(__file__).resolve().parents[5] / "shared" / "real" / "logs"
 
 
 @pytest.fixture(autouse=True)
