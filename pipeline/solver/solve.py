@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+from calibration.foundation.compiled import announced
 from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
 from pipeline.solver.adjustment import compiled_descent
 from pipeline.solver.adjustment.assembly import linear
@@ -79,6 +80,27 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     shared = None if covariance is None else (solution.shared_names, covariance)
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared)
     return replace(solution, findings=(*solution.findings, *left_open))
+
+
+COMPILED = 26
+"""About as many functions are compiled on the first solve of an installation."""
+
+
+def make_ready(told: Callable[[int, int], None]) -> None:
+    """Compiles what `solve` uses, or loads it from disk; `told` hears how many of how many functions have begun.
+
+    It is only told where there is something to compile.
+    """
+    begun: list[str] = []
+
+    def say(name: str) -> None:
+        begun.append(name)
+        told(min(len(begun), COMPILED) - 1, COMPILED)
+
+    with announced(say):
+        compiled_descent.warm()
+    if begun:
+        told(COMPILED, COMPILED)
 
 
 def _counted(progress: Progress | None) -> Progress | None:

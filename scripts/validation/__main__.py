@@ -3,6 +3,7 @@
     python -m scripts.validation                                  lists them, with minutes and what they say
     python -m scripts.validation run tracking logs                runs these two
     python -m scripts.validation run all -o docs/figures.json     runs all; the file keeps the figures of those not run
+    python -m scripts.validation page                             docs/figures.json -> docs/accuracy.md
 
 The result file is JSON: for each check its command, the day, version, cores, seconds, exit code and figures. A check
 also runs alone, with options of its own: `python -m scripts.validation.check_tracking --help`.
@@ -24,9 +25,10 @@ from pathlib import Path
 from calibration.foundation.files import write_whole
 from scripts.validation.checks import CHECKS, Check, named
 from scripts.validation.figures import FILE
+from scripts.validation.page import accuracy_page, read_results
 
 ROOT = Path(__file__).resolve().parents[2]
-RESULTS = Path("docs/figures.json")
+RESULTS, PAGE = Path("docs/figures.json"), Path("docs/accuracy.md")
 
 
 def listing() -> str:
@@ -89,7 +91,11 @@ def main() -> int:
     asked.add_argument("names", nargs="+", metavar="NAME", help="of the list; all: every one that needs nothing")
     asked.add_argument("-o", "--output", type=Path, default=RESULTS, help=f"result file (default {RESULTS})")
     asked.add_argument("--real", type=Path, help="folder or file that the checks named need")
+    doing.add_parser("page", help=f"{RESULTS} -> {PAGE}")
     given = parser.parse_args()
+    if given.doing == "page":
+        write_whole(PAGE, accuracy_page(read_results(RESULTS)))
+        return 0
     if given.doing != "run":
         print(listing())
         return 0

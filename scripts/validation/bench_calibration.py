@@ -23,6 +23,7 @@ from calibration import Board
 from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
 from pipeline.synthetic.board_views import camera, poses, render, true_corners
+from scripts.validation.figures import tell
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)
 LENS = (-0.28, 0.09, 0.0008, -0.0006, -0.01)
@@ -106,6 +107,15 @@ def main() -> None:
         photos = [render(lens, BOARD, pose, seed=i, supersample=1) for i, pose in enumerate(placed)]
         figures = measured(photos, [true_corners(lens, BOARD, pose) for pose in placed], options.rounds, clock)
         for name, (ms, px, found) in figures.items():
+            tell(
+                {
+                    f"{title.split()[-1]} {name}": {
+                        "ms_a_view": ms,
+                        "times_ours": ms / figures["ours"][0],
+                        "corner_px": px,
+                    }
+                }
+            )
             print(f"{title:<16}{name:<8}{ms:>10.2f}{ms / figures['ours'][0]:>12.2f}{px:>11.4f}{found:>7}", flush=True)
 
 

@@ -29,6 +29,7 @@ from calibration.foundation.arrays import Floats
 from pipeline.geometry import rotation
 from pipeline.records import CameraInput, InstrumentSigma, PoseTrack, Problem, SightRays, SolverSettings, TargetInput
 from pipeline.solver import solve
+from scripts.validation.figures import tell
 
 FOCAL_PX, SIGMA_PX, PRINCIPAL_PX = 1000.0, 1.0, (640.0, 360.0)
 TURN_RAD, SHIFT_M, BIAS_RAD, BIAS_M = np.radians(0.1), 0.2, np.radians(0.3), 0.5
@@ -182,6 +183,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     rows = [row(size, given.order, given.peer, given.repeats, given.li) for size in given.sizes.split(",")]
+    tell({line["size"]: line for line in rows})  # type: ignore[misc]
     if given.json:
         print(json.dumps({"peer": given.peer, "rows": rows}, indent=1))
         return

@@ -26,6 +26,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from scripts.validation.figures import tell
+
 T = TypeVar("T")
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 1200.0
@@ -217,8 +219,10 @@ def compare(folder: Path, rounds: int) -> bool:
             for name, value in seconds.items():
                 print(f"{label:<12}{how + ', ' + name:<28}{value:>9.3f}{seconds['pymavlink'] / value:>8.1f}")
             first = next(iter(seconds.values()))
+            tell({f"{kind} {how} {name}": seconds["pymavlink"] / value for name, value in seconds.items()})
             fine &= seconds["pymavlink"] / first >= (50 if how == "warm" else 5)
         print(f"{label:<12}{len(theirs)} messages, {compared} values compared, {wrong} differ\n", flush=True)
+        tell({f"{kind} messages": len(theirs), f"{kind} values_compared": compared, f"{kind} values_differ": wrong})
         fine &= wrong == 0
     return fine
 
@@ -335,6 +339,10 @@ def large(folder: Path, size: int) -> bool:
     print(f"{sum(log.counts.values())} messages, {log.corrupt_packets} corrupt; positions, attitudes, gimbal: {counts}")
     print(f"{wall:.2f} s ({cpu:.2f} s CPU), memory beyond the mapped file at most {most:.0f} MB"
           f" ({before:.0f} MB before)")  # fmt: skip
+    tell({
+        "messages": sum(log.counts.values()), "seconds": wall, "memory_mb": most, "part_seconds": part_s,
+        "part_bytes_mb": part.bytes_read / 1e6, "same_bits": same,
+    })  # fmt: skip
     return counts == [cycles] * 3 and wall < 10 and most < 500 and same and part_s < 0.2 * wall
 
 

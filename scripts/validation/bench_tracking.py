@@ -22,6 +22,7 @@ from pipeline.records import Box
 from pipeline.synthetic.moving_cars import first_box, render, scene, write
 from pipeline.tracking import track_video
 from pipeline.tracking.video.frames import opened_to_the_end
+from scripts.validation.figures import tell
 
 SEED = 5
 
@@ -73,13 +74,16 @@ def resident_mb() -> float:
 def memory(path: Path, boxes: dict[str, Box]) -> None:
     """Prints the memory at tenths of the video."""
     told: list[int] = []
+    used_mb: list[float] = []
 
-    def tell(done: int, total: int) -> None:
+    def progress(done: int, total: int) -> None:
         if done * 10 // total > len(told) - 1 and done > 500:
             told.append(done)
-            print(f"{done:>9} of {total} frames{resident_mb():>9.0f} MB", flush=True)
+            used_mb.append(resident_mb())
+            print(f"{done:>9} of {total} frames{used_mb[-1]:>9.0f} MB", flush=True)
 
-    tracks = track_video(path, camera="c", boxes=boxes, progress=tell).tracks
+    tracks = track_video(path, camera="c", boxes=boxes, progress=progress).tracks
+    tell({"frames": told[-1], "memory_mb": [min(used_mb), max(used_mb)]})
     print("share of frames with a fix: " + ", ".join(f"{track.seen.mean():.3f}" for track in tracks))
 
 
@@ -114,6 +118,7 @@ def main() -> None:
         wall = statistics.median(r[k][0] for r in rounds)
         used = statistics.median(r[k][1] for r in rounds)
         ratios = sorted(r[0][0] / r[k][0] for r in rounds)
+        tell({name: {"of_decoding": statistics.median(ratios), "least": ratios[0], "most": ratios[-1]}})
         print(
             f"{name:<18}{frames / wall:>7.0f} frames/s  {used / frames * 1e3:>6.2f} ms CPU a frame   of decoding: "
             f"median {statistics.median(ratios):.2f}, {ratios[0]:.2f} to {ratios[-1]:.2f}"

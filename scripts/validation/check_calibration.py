@@ -32,6 +32,7 @@ from calibration.detection.find import find_board
 from calibration.foundation.arrays import Floats
 from calibration.judgement.coverage import lattice, reached
 from pipeline.synthetic.board_views import poses, render, true_corners
+from scripts.validation.figures import tell
 
 BOARD = Board(cols=11, rows=8, square_m=0.03)
 SIZE = (800, 600)
@@ -212,6 +213,17 @@ def report(rows: list[Row]) -> None:
     each = ", ".join(f"{lens} {rms([r.focal_percent for r in some]):.4f}" for lens, some in by_lens.items())
     print(f"focal error: {rms([r.focal_percent for r in rows]):.4f} % RMS, worst "
           f"{max(abs(r.focal_percent) for r in rows):.4f} %; {each}")  # fmt: skip
+    tell({
+        "sets": len(rows), "corner_px": rms([r.corner_px for r in rows]),
+        "corner_worst_px": max(r.corner_px for r in rows),
+        "focal_percent": rms([r.focal_percent for r in rows]),
+        "focal_worst_percent": max(abs(r.focal_percent) for r in rows),
+        "error_over_sigma": {
+            name: rms([r.pulls[name] for r in rows if name in r.pulls])
+            for name in dict.fromkeys(name for r in rows for name in r.pulls)
+        },
+        "direction_error_over_sigma": rms([r.direction_px / r.direction_sigma_px for r in rows]),
+    })  # fmt: skip
     print(f"another kind of lens chosen: {sum(not r.pulls for r in rows)} of {len(rows)}")
     print(f"zoomed photos kept: {sum(r.zoomed_kept for r in rows)} of {len(rows)}")
     print("\nerror / sigma, RMS over the sets (its own one sigma beside it)")

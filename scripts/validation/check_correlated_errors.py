@@ -21,6 +21,7 @@ from pipeline.stages.problem.priors import PLACE_FLOOR_PX
 from pipeline.synthetic.scene import Scene
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import DEMO, Noise, noisy_rays, simulate
+from scripts.validation.figures import tell
 
 RATE_HZ, FRAMES, TIMES = 25.0, 250, 7
 SIGMA_PX = 0.15
@@ -153,6 +154,7 @@ def main() -> None:
         for grade, noise in POSES.items():
             r = ratios(errors, noise, runs)
             cells = (r.offset_plain, r.offset_robust, r.position_plain, r.position_robust)
+            tell({f"{words}, {grade}": vars(r)})
             print(f"{words:<24}{grade:<7}" + "".join(f"{cell:>8.2f}" for cell in cells), flush=True)
 
 

@@ -17,6 +17,7 @@ from pipeline.experiments.statistics.figures import figure_of
 from pipeline.experiments.statistics.ratios import of_means, of_medians
 from pipeline.experiments.statistics.summary import TWO_SIDED
 from pipeline.experiments.statistics.verdict import where
+from scripts.validation.figures import tell
 
 ALLOWED = 1.08
 
@@ -90,7 +91,9 @@ def main(runs: str = "1000", jobs: str = "2", out: str = "experiments", *names: 
         lines = {"rotation": ratio_lines, "long-range": ratio_lines, "speed": speed_lines}.get(name, lambda _: [])(
             outcome
         )
-        wrong = shortfalls(outcome)
+        wrong, found = shortfalls(outcome), verdict(outcome)
+        tell({name: {"better": found.better, "equal": found.equal, "worse": len(found.worse), "runs": int(runs),
+                     "map_over_bound": over_bound(outcome), "lines": lines}})  # fmt: skip
         print("\n".join([*lines, *wrong]), flush=True)
         short += len(wrong)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -23,6 +23,7 @@ from pipeline.solver.observation.observations import pack
 from pipeline.solver.uncertainty.covariance import Sandwich
 from pipeline.stages import build_problem, measure_poses, open_sources, read_models
 from pipeline.stages.inputs.tracks import read_tracks
+from scripts.validation.figures import tell
 
 SUPPORT_S, STEP_S = 0.2, 0.1
 WITHIN = ((1.0, 55, 80), (1.96, 88, 99))
@@ -70,15 +71,18 @@ def main() -> None:
         ratio = np.abs(errors) / np.sqrt((errors**2).mean(axis=0))
         good = np.ones(asked.draws, dtype=bool)
         print(f"{target}: {len(times)} times, {asked.draws} draws")
+        told = {}
         for sigmas, least, most in WITHIN:
             share = 100 * (ratio < sigmas).mean(axis=(1, 2))
             inside = (share >= least) & (share <= most)
             good &= inside
             low, middle, high = np.percentile(share, [2.5, 50, 97.5])
+            told[f"within {sigmas} sigmas"] = {"low_percent": low, "median_percent": middle, "high_percent": high}
             print(
                 f"  within {sigmas} sigmas: {low:.0f} to {high:.0f} % in 95 of 100 such flights, median {middle:.0f};"
                 f" {least} to {most} % in {100 * inside.mean():.0f} of 100"
             )
+        tell({target: told})
         print(f"  both at once in {100 * good.mean():.0f} of 100")
 
 

@@ -26,6 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from calibration.camera import CameraModel, project
 from calibration.foundation.arrays import Floats
+from scripts.validation.figures import tell
 
 FLIGHTS = ("flight1", "flight3")
 SUPPORT_S = 0.2
@@ -100,6 +101,16 @@ def told(error: Floats) -> str:
     """RMSE and median of the distance."""
     length = np.linalg.norm(error, axis=1)
     return f"RMSE {np.sqrt((length**2).mean()):.3f} m, median {np.median(length):.3f} m"
+
+
+def rms_m(error: Floats) -> float:
+    """Root mean square of the distance."""
+    return float(np.sqrt((error**2).sum(axis=1).mean()))
+
+
+def share_percent(error: Floats, covariance: Floats, sigmas: float) -> float:
+    """Of the errors, per axis, within so many sigmas."""
+    return float(100 * (np.abs(error) < sigmas * np.sqrt(np.einsum("nii->ni", covariance))).mean())
 
 
 def covered(error: Floats, covariance: Floats) -> str:
@@ -194,6 +205,11 @@ def main(folder: str = "../shared/real/multicam") -> None:
                 f"), {run.peak_mb:.0f} MB"
             )
             rest = aligned(found, real)
+            tell({name: {
+                "seconds": run.wall_s, "memory_mb": run.peak_mb, "absolute_m": rms_m(found - real),
+                "aligned_m": rms_m(rest), "within_1_sigma_percent": share_percent(found - real, covariance, 1.0),
+                "within_1.96_sigma_percent": share_percent(found - real, covariance, 1.96),
+            }})  # fmt: skip
             print(f"  absolute {told(found - real)}; aligned {told(rest)}; {len(found)} epochs")
             print(f"  coverage, absolute  {covered(found - real, covariance)}")
             print(f"  coverage, aligned   {covered(rest, covariance)}")

@@ -35,6 +35,7 @@ from pipeline.telemetry import inspect_log, read_log, read_pose_table
 from pipeline.telemetry.dataflash.messages.layout import layouts_of
 from pipeline.telemetry.dataflash.messages.read import read_dataflash
 from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
+from scripts.validation.figures import tell
 
 KINDS = ("bit flips", "inserted garbage", "dropped bytes", "cut frames", "truncation")
 HANG_S, MEMORY_BYTES = 30, 3 << 30
@@ -167,6 +168,7 @@ def check_corruptions(folder: Path, runs: int, only: str) -> bool:
             tally: Counter[str] = Counter()
             for run in range(k, runs, len(KINDS)):
                 one_corruption(folder, what, whole, kind, run, tally)
+            tell({f"{what}, {kind}": dict(tally)})
             fine &= not (tally["crash"] or tally["wrong"] or tally["fewer"])
             print(f"{what:<10}{kind:<18}{tally['runs']:>6}{tally['crash']:>9}{tally['wrong']:>7}{tally['hit']:>6}"
                   f"{tally['fewer']:>22}{tally['ours']:>11}{tally['theirs']:>9}"
@@ -348,6 +350,8 @@ def fuzz(folder: Path, minutes: float) -> bool:
         slowest = max(slowest, time.perf_counter() - begin)
     more_mb = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb) / 1024
     print(f"\n{minutes:g} minutes, slowest read {slowest:.2f} s, memory grew by {more_mb:.0f} MB")
+    tell({"minutes": minutes, "slowest_s": slowest, "memory_growth_mb": more_mb, "files": sum(tally.values()),
+          "crashed": sum(many for (_, what), many in tally.items() if what == "CRASH")})  # fmt: skip
     print(f"{'file':<12}{'read':>8}{'refused':>9}{'crashed':>9}")
     for name in names:
         print(f"{name:<12}{tally[name, 'read']:>8}{tally[name, 'refused']:>9}{tally[name, 'CRASH']:>9}")

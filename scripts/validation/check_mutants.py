@@ -22,6 +22,7 @@ import json
 import os
 import random
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -48,8 +49,8 @@ ROOMS = {
 }
 COMPILED = ("_kernels.py", "_descent.py", "mavlink/packets/scan.py", "dataflash/messages/scan.py")
 THROUGH_ALL = ("tests/integration/test_data_flight.py", "tests/cli/test_table_flight.py")
-SECONDS = 600
-"""After which a mutant that runs for ever is stopped, and counts as killed."""
+CPU_S, WALL_S = 900, 7200
+"""Processor time, and time, after which a mutant that runs or waits for ever is stopped, and counts as killed."""
 EXPLAINED = Path(__file__).with_name("mutants_explained.json")
 LEFT_OUT = re.compile(
     r"core/(NoOp|RemoveDecorator|VariableReplacer|VariableInserter|ExceptionReplacer"
@@ -170,11 +171,16 @@ def asked(files: list[str], copy: Path, python: str) -> str | None:
     env = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "OMP_NUM_THREADS": "1"}
     command = [python, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--no-header", *files]
     try:
-        done = subprocess.run(command, cwd=copy, env=env, capture_output=True, text=True, timeout=SECONDS, check=False)
+        done = subprocess.run(
+            command, cwd=copy, env=env, capture_output=True, text=True, timeout=WALL_S, check=False,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S)),
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "the clock"
     if done.returncode in (0, 5):
         return None
+    if done.returncode < 0:
+        return "the clock"
     red = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
     return red[0] if red else f"pytest's exit code {done.returncode}"
 

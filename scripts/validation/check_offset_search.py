@@ -35,6 +35,7 @@ from pipeline.solver.offset_search.polynomial_polish import polish_polynomial
 from pipeline.solver.offset_search.search import is_ambiguous, search_offsets
 from pipeline.solver.offset_search.sweep import ClockRange
 from pipeline.solver.offset_search.views import views
+from scripts.validation.figures import tell
 
 FOCAL_PX = 1000.0
 SIGMA = InstrumentSigma(
@@ -212,6 +213,10 @@ def main() -> None:
                 told,
                 f"from truth {flight.middle_error_s(best):+.3f} +- {sigma:.3f} s at {best.cost:.1f}",
             )
+    tell({
+        "flights": given.scenes, "right": right, "ambiguous": flagged, "wrong_and_silent": silent,
+        "median_error_s": float(np.median(errors)), "seconds_a_flight": float(np.mean(seconds)),
+    })  # fmt: skip
     print(f"right basin in {right} of {given.scenes}; {flagged} flagged ambiguous; wrong and not flagged: {silent}")
     print(
         f"error of the middle: median {np.median(errors):.3f} s, 95 % {np.percentile(errors, 95):.3f} s; "

@@ -1,15 +1,19 @@
 """Kills `runningfix run` at random moments, starts it again, and compares with an undisturbed run byte by byte.
 
-usage: python -m scripts.validation.check_resume flight.toml [KILLS] [SEED]        (default 10 kills)
+usage: python -m scripts.validation.check_resume [flight.toml [KILLS [SEED]]]        (default: data/flight, 10 kills)
 """
 
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+from pipeline.demo.show import calibrate_boards
+from scripts.validation.figures import tell
 
 
 def run_command(flight: Path, out: Path) -> list[str]:
@@ -44,10 +48,20 @@ def differences(flight: Path, folder: Path, *, kills: int, seed: int) -> tuple[l
     return sorted(found), hits
 
 
-def main(flight: str, kills: str = "10", seed: str = "0") -> int:
+def example(folder: Path) -> Path:
+    """The flight file of a copy of `data/flight`, its cameras calibrated."""
+    shutil.copytree("data/flight", folder / "flight")
+    calibrate_boards(folder / "flight", lambda *_: None)
+    return folder / "flight/flight.toml"
+
+
+def main(flight: str = "", kills: str = "10", seed: str = "0") -> int:
     """Prints what differs; 0 where nothing does."""
-    with tempfile.TemporaryDirectory() as folder:
-        found, hits = differences(Path(flight), Path(folder), kills=int(kills), seed=int(seed))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        asked = Path(flight) if flight else example(folder)
+        found, hits = differences(asked, folder, kills=int(kills), seed=int(seed))
+    tell({"kills": int(kills), "hits": hits, "files_that_differ": len(found)})
     print(f"{hits} of {kills} kills hit a running process; {len(found)} files differ {found}")
     return bool(found)
 

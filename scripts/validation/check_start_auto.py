@@ -28,6 +28,7 @@ from pipeline.synthetic.scene import Path as Way
 from pipeline.synthetic.scene import Platform, Scene, SceneCamera
 from pipeline.synthetic.simulate import DEMO, Noise
 from pipeline.synthetic.video import write_video
+from scripts.validation.figures import tell
 
 LOG_S, SIZE, RATE_HZ = 100.0, (640, 360), 25.0
 
@@ -126,6 +127,10 @@ def main() -> int:
     print(f"\nwithin half a frame ({1e3 * half_s:.0f} ms): {right} of {arguments.flights}; refused: {flagged};"
           f" wrong and not refused: {wrong}; still ones refused: {refused} of 3;"
           f" error / sigma RMS {spread:.2f}")  # fmt: skip
+    tell({
+        "flights": arguments.flights, "right": right, "refused": flagged, "wrong": wrong,
+        "still_refused_of_3": refused, "error_over_sigma": spread,
+    })  # fmt: skip
     fine = right >= 0.95 * arguments.flights and not wrong and refused == 3
     print("fine" if fine else "NOT fine")
     return 0 if fine else 1

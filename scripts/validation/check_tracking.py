@@ -26,6 +26,7 @@ from calibration.foundation.errors import TrackingError
 from pipeline.records import TRACKERS, Box
 from pipeline.synthetic.moving_cars import Car, Scene, first_box, render, scene, truth, write
 from pipeline.tracking import TrackingSettings, track_video
+from scripts.validation.figures import tell
 
 HELD_OUT = tuple(range(14001, 14011))
 VISIBLE, HIDDEN, SOON_FRAMES, NEAR_PX = 0.9, 0.1, 25, 3.0
@@ -172,6 +173,19 @@ def raw_kcf(path: Path, box: Box) -> np.ndarray:
     return np.array(centres)
 
 
+def summed(found: list[Figures]) -> dict[str, object]:
+    """Figures of many cars together."""
+    errors = np.concatenate([f.errors for f in found])
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    normed = np.concatenate([f.errors / f.sigmas[:, None] for f in found])
+    again = [f.found_again for f in found if f.occluded]
+    return {
+        "rms_px": rms.tolist(), "within_95_percent_px": np.percentile(np.abs(errors), 95),
+        "coverage": len(errors) / sum(f.visible for f in found), "false_fixes": sum(f.false_fixes for f in found),
+        "found_again": sum(again), "hidden": len(again), "error_over_sigma": np.sqrt(np.mean(normed**2)),
+    }  # fmt: skip
+
+
 def row(name: str, found: list[Figures], with_sigma: bool) -> str:
     """One line of the table."""
     errors = np.concatenate([f.errors for f in found])
@@ -223,6 +237,12 @@ def main() -> None:
     kept = [f for f in ours if len(f.errors) > 0.8 * f.visible and np.sqrt(np.mean(f.errors**2)) < 1.0]
     print(row(f"ours, {len(ours) - len(kept)} failed left out", kept, True))
     print(memory_words(kept))
+    tell({
+        "ours": summed(ours), "kcf": summed(raw), "not_failed": summed(kept), "cars": len(ours),
+        "failed": len(ours) - len(kept),
+        "cpu_ms_a_frame": 1000 * spent_s / decoded,
+        "correlation_after_frames": {lag: correlation([f.off for f in kept], lag) for lag in LAGS},
+    })  # fmt: skip
     each_ms = 1000 * spent_s / decoded
     print(f"{arguments.tracker}: {each_ms:.1f} ms of processor time a frame of four cars, decoding included")
 

@@ -23,6 +23,7 @@ from pipeline.records import PoseTrack, SolverSettings
 from pipeline.solver import solve
 from pipeline.stages import run_solve, run_track
 from pipeline.synthetic import read_truth
+from scripts.validation.figures import tell
 
 SIGMA = "attitude_bias_deg = 0.02\nattitude_deg = 0.01\nposition_bias_m = 0.02\nposition_m = 0.01\nframe_rate = 0.002\n"
 
@@ -103,6 +104,7 @@ def main(folder: str = "data/flight") -> None:
         print(f"{what:<28}{kcf:>10.3f}{ours[what]:>10.3f}{ours[what] / kcf:>8.2f}")
     shared = [what for what in ours if what in raw]
     total = [float(np.sqrt(np.mean([errors[w] ** 2 for w in shared]))) for errors in (raw, ours)]
+    tell({"raw_kcf_m": total[0], "ours_m": total[1]})
     print(f"{'all':<28}{total[0]:>10.3f}{total[1]:>10.3f}{total[1] / total[0]:>8.2f}")
 
 

@@ -29,6 +29,12 @@ class Check:
 
 CHECKS = (
     Check(
+        name="demo",
+        module="check_demo",
+        minutes=3,
+        says="the rendered demo: every error against the truth, and the claimed sigma",
+    ),
+    Check(
         name="board-finding",
         module="bench_calibration",
         minutes=2,

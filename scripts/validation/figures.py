@@ -17,4 +17,4 @@ def tell(figures: Mapping[str, object]) -> None:
         return
     path = Path(os.environ[FILE])
     known = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**known, **figures}))
+    path.write_text(json.dumps({**known, **figures}, default=float))

@@ -9,7 +9,7 @@ of time) count as one observation of what they have in common; the plain covaria
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -70,7 +70,7 @@ class Inverse:
         """(s, s) rows and columns `a` to `b` of the band, then those of the `border`."""
         size = b - a
         out = np.empty((size + len(border), size + len(border)))
-        out[size:, size:] = self.corner[np.ix_(border, border)]
+        out[size:, size:] = self.corner[border[:, None], border]
         if size:
             out[:size, :size] = self._of_band(a, b) + self._spread[a:b] @ self.factor.eliminated[a:b].T
             out[:size, size:] = -self._spread[a:b, border]
@@ -84,6 +84,9 @@ class Inverse:
         """
         lower, (width, n) = self.factor.band[:, a:b], (self.factor.band.shape[0] - 1, self.factor.band.shape[1])
         size, after = b - a, min(width, n - b)
+        if size <= width + 1:
+            apart, least = _offsets(size)
+            return np.asarray(self._band[apart, a + least])
         out: Floats = cho_solve_banded((lower, True), np.eye(size), check_finite=False)
         if after:
             tail = min(width, size)
@@ -153,6 +156,19 @@ def motion_band(covariance: Covariance, model: Model, target: int) -> Floats:
     return out
 
 
+@lru_cache(maxsize=256)
+def _offsets(size: int) -> tuple[Ints, Ints]:
+    """How far apart rows and columns of a square are, and which is the lesser."""
+    i = np.arange(size)
+    return np.abs(i[:, None] - i), np.minimum(i[:, None], i)
+
+
+@lru_cache(maxsize=256)
+def _lower_half(size: int) -> tuple[Ints, Ints]:
+    i, j = np.tril_indices(size)
+    return np.asarray(i), np.asarray(j)
+
+
 @dataclass(eq=False)
 class _Meat:
     """M as it grows: band (w + 1, n) in lower form, as wide as it has to be, border (n, q), corner (q, q)."""
@@ -174,10 +190,10 @@ class _Meat:
         top, low = rows[:k], rows[k:] - n
         if k:
             self._widen(int(top[-1] - top[0]) + 1)
-            i, j = np.tril_indices(k)
+            i, j = _lower_half(k)
             self.band[top[i] - top[j], top[j]] += matrix[i, j]
-            self.border[np.ix_(top, low)] += matrix[:k, k:]
-        self.corner[np.ix_(low, low)] += matrix[k:, k:]
+            self.border[top[:, None], low] += matrix[:k, k:]
+        self.corner[low[:, None], low] += matrix[k:, k:]
 
     def _widen(self, rows: int) -> None:
         if rows > len(self.band):

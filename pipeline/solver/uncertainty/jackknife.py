@@ -15,13 +15,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.assembly import CHUNK_BLOCKS, blocks_at, global_places, local_from_global, part_of
-from pipeline.solver.adjustment.elimination import BlockNormals, block_normals
+from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global, part_of
+from pipeline.solver.adjustment.elimination import block_normals
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.observation.frame_blocks import Blocks
 
 MOST_LEVERAGE = 0.95
 """Where a cluster alone decides, its residuals say nothing of its errors; no gradient grows by more than 20."""
+
+CHUNK_BLOCKS = 1024
+"""Blocks whose normal equations are held at once."""
 
 
 def freed_gradients(model: Model, state: State, block: Callable[[int, int, Ints], Floats], cluster: Ints) -> Floats:
@@ -44,41 +46,41 @@ def freed(
     """
     blocks, at = blocks_at(model, state, cluster)
     begin = np.searchsorted(blocks.cluster, np.arange(int(cluster.max()) + 2))
-    low = 0
+    n, low = model.order.n_band, 0
     while low < len(begin) - 1:
         high = max(low + 1, int(np.searchsorted(begin, begin[low] + CHUNK_BLOCKS, side="right")) - 1)
         part, at_part = part_of(blocks, at, int(begin[low]), int(begin[high]))
         normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
+        chain = local_from_global(model, part, 0, len(part.camera))
+        turned = np.swapaxes(chain, 1, 2)
+        share, vector = turned @ normals.normal @ chain, (turned @ normals.gradient[..., None])[..., 0]
         places = global_places(model, part)
         for c in range(low, high):
-            first, last = int(begin[c] - begin[low]), int(begin[c + 1] - begin[low])
-            if first < last:
-                found = _freed(model, part, normals, places, block, first, last)
-                if found is not None:
-                    yield c, *found
+            own = slice(int(begin[c] - begin[low]), int(begin[c + 1] - begin[low]))
+            found = _freed(n, places[own], share[own], vector[own], block)
+            if found is not None:
+                yield c, *found
         low = high
 
 
 def _freed(
-    model: Model, blocks: Blocks, normals: BlockNormals, places: Ints, block: Callable[[int, int, Ints], Floats],
-    low: int, high: int,
-) -> tuple[Ints, Floats] | None:  # fmt: skip
-    """Of the cluster of blocks `low` to `high`: its unknowns and its gradient; None where nothing is free."""
-    n = model.order.n_band
-    chain = local_from_global(model, blocks, low, high)
-    turned = np.swapaxes(chain, 1, 2)
-    share, vector = turned @ normals.normal[low:high] @ chain, turned @ normals.gradient[low:high, :, None]
-    place = places[low:high]
+    n: int, place: Ints, share: Floats, vector: Floats, block: Callable[[int, int, Ints], Floats]
+) -> tuple[Ints, Floats] | None:
+    """Of a cluster of k blocks: its unknowns and its gradient by them, freed; None where nothing is free.
+
+    place (k, G) of the blocks' unknowns, of which `n` are in the band; share (k, G, G) and vector (k, G): normals
+    """
     acting = np.unique(place[place >= 0])
     if not len(acting):
         return None
-    a, b = (int(acting[0]), int(acting[acting < n].max(initial=-1)) + 1) if acting[0] < n else (n, n)
+    a, b = (int(acting[0]), int(acting[np.searchsorted(acting, n) - 1]) + 1) if acting[0] < n else (n, n)
     rows = np.concatenate([np.arange(a, b), acting[acting >= n]])
     size = len(rows)
-    own = np.where(place >= 0, np.searchsorted(rows, place), size)
+    at = np.where(place >= 0, np.searchsorted(rows, place), size)
     information, gradient = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
-    for k in range(high - low):
-        information[own[k][:, None], own[k]] += share[k]
-        gradient[own[k]] += vector[k, :, 0]
-    left = np.eye(size) - MOST_LEVERAGE * information[:size, :size] @ block(a, b, rows[b - a :] - n)
+    for k in range(len(place)):
+        information[at[k][:, None], at[k]] += share[k]
+        gradient[at[k]] += vector[k]
+    left = -MOST_LEVERAGE * information[:size, :size] @ block(a, b, rows[b - a :] - n)
+    left[np.arange(size), np.arange(size)] += 1.0
     return np.asarray(rows), np.asarray(np.linalg.solve(left, gradient[:size]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,12 +13,12 @@ from calibration.picture import Area, fitted
 from pipeline.flight import CameraSettings, Flight, VideoArea
 
 
-def read_models(flight: Flight) -> dict[str, CameraModel]:
-    """The camera model of every camera, of its video's pictures.
+def read_models(flight: Flight, left_out: Collection[str] = ()) -> dict[str, CameraModel]:
+    """The camera model of every camera but those `left_out`, of its video's pictures.
 
     Raises InputFileError where a file is no camera, UsageError where it is of other pictures than the video.
     """
-    return {camera.name: model_of(flight, camera) for camera in flight.cameras}
+    return {camera.name: model_of(flight, camera) for camera in flight.cameras if camera.name not in left_out}
 
 
 def model_of(flight: Flight, camera: CameraSettings) -> CameraModel:

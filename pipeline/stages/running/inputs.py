@@ -20,13 +20,15 @@ WRITTEN = re.compile(
 )
 
 
-def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
+def check_inputs(flight: Flight, out: Path, *, cameras_later: bool = False) -> dict[str, CameraModel]:
     """Looks at every input that is quickly looked at, so that a long run does not fail at its end; the cameras.
+
+    With `cameras_later` a camera that is not calibrated yet is left out: tracking needs none.
 
     Raises InputFileError where a file is missing or a camera file is wrong, UsageError where results would be written
     over an input.
     """
-    check_files(flight)
+    check_files(flight, cameras_later=cameras_later)
     for path in input_files(flight).values():
         if WRITTEN.fullmatch(path.name) and path.resolve().parent == out.resolve():
             raise UsageError(
@@ -35,15 +37,20 @@ def check_inputs(flight: Flight, out: Path) -> dict[str, CameraModel]:
                 expected="a folder in which results write over no input",
                 advice="choose another -o folder",
             )
-    return read_models(flight)
+    return read_models(flight, left_out=not_calibrated(flight) if cameras_later else ())
 
 
-def check_files(flight: Flight) -> None:
+def not_calibrated(flight: Flight) -> tuple[str, ...]:
+    """The cameras whose camera file does not exist yet."""
+    return tuple(camera.name for camera in flight.cameras if not camera.calibration.exists())
+
+
+def check_files(flight: Flight, *, cameras_later: bool = False) -> None:
     """Raises InputFileError where a file that the flight names is missing, or is none."""
     for camera in flight.cameras:
         for key in FILE_KEYS:
             path: Path | None = getattr(camera, key)
-            if path is not None:
+            if path is not None and not (cameras_later and key == "calibration" and not path.exists()):
                 _check_file(flight, camera.name, key, path)
 
 

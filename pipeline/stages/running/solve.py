@@ -11,7 +11,7 @@ from pipeline.export import export_all, poses_csv, tracks_csv
 from pipeline.flight import Flight
 from pipeline.records import Results, Solution, SolverSettings
 from pipeline.report import render_report
-from pipeline.solver import solve
+from pipeline.solver import make_ready, solve
 from pipeline.stages.inputs.tracks import read_tracks, wanted
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import build_problem
@@ -63,6 +63,8 @@ def solve_into(
         )  # fmt: skip
     with clock.stage("poses"):
         opened, measured = measure()
+    with clock.stage("compile"):
+        make_ready(lambda done, of: progress("compile the solver, once", done, of))
     with clock.stage("solve"):
         built = build_problem(flight, tracks, measured, models)
         progress("solve", 0, 1)

@@ -12,7 +12,7 @@ from pipeline.records import ImageTrack
 from pipeline.stages.checks.outlook import Outlook, refuse
 from pipeline.stages.checks.videos import video_doubts
 from pipeline.stages.inputs.tracks import boxes_of, detections, draw_overlay
-from pipeline.stages.running.inputs import check_inputs
+from pipeline.stages.running.inputs import check_inputs, not_calibrated
 from pipeline.stages.running.ledger import FOLDER, Ledger, key_of, writing
 from pipeline.stages.running.provenance import decisive, file_hash
 from pipeline.stages.running.summary import RunSummary, StageSeconds
@@ -27,7 +27,7 @@ def run_track(
     flight: Flight, out: Path, *, resume: bool = False, overlay: bool = False, progress: Progress = silent
 ) -> RunSummary:
     """Tracks every video, with `resume` only what is not finished, then writes `tracks.csv`; draws with `overlay`."""
-    check_inputs(flight, out)
+    check_inputs(flight, out, cameras_later=True)
     videos = {c.name: video_times(c.video) for c in flight.cameras if c.video is not None}
     refuse(Outlook(doubts=tuple(video_doubts(flight, videos))))
     with writing(out) as ledger:
@@ -58,8 +58,15 @@ def track_into(
         files=("tracks.csv", *drawn),
         seconds=clock.seconds,
         skipped=("track",) if skipped else (),
-        warnings=(*tracking_notes(flight, ledger), *ledger.warnings("track")),
+        warnings=(*_unchecked(flight), *tracking_notes(flight, ledger), *ledger.warnings("track")),
     )
+
+
+def _unchecked(flight: Flight) -> list[str]:
+    return [
+        f"{name}: {flight.camera(name).calibration.name} does not exist yet, so nobody knows whether it fits the video"
+        for name in not_calibrated(flight)
+    ]
 
 
 def tracking_notes(flight: Flight, ledger: Ledger) -> tuple[str, ...]:

@@ -73,7 +73,9 @@ def test_overlay_command_writes_the_drawn_video(video, capsys, tmp_path: Path) -
     )
     out = tmp_path / "out"
     assert main(["track", str(flight), "-o", str(out), "--overlay", "--json"]) == 0
-    files = json.loads(capsys.readouterr().out)["files"]
+    said = json.loads(capsys.readouterr().out)
+    files = said["files"]
+    assert any("none.json does not exist yet" in line for line in said["warnings"])
     assert files == [str(out / "tracks.csv"), str(out / "overlay-uav1.mp4")]
     capture = cv2.VideoCapture(files[1])
     assert int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) == FRAMES

@@ -8,8 +8,10 @@ import pytest
 from scripts.validation import __main__ as runner
 from scripts.validation.checks import CHECKS, Check, named
 from scripts.validation.figures import FILE, tell
+from scripts.validation.page import ROWS, accuracy_page, read_results
 
 FOLDER = Path(runner.__file__).parent
+ROOT = runner.ROOT
 
 
 def test_every_check_and_bench_is_on_the_list():
@@ -72,3 +74,16 @@ def test_figures_are_added_up(tmp_path, monkeypatch):
     tell({"a_m": 1.5})
     tell({"b": 2})
     assert json.loads((tmp_path / "told.json").read_text()) == {"a_m": 1.5, "b": 2}
+
+
+def test_the_page_is_made_from_the_result_file():
+    records = read_results(ROOT / "docs/figures.json")
+    assert (ROOT / "docs/accuracy.md").read_text(encoding="utf-8") == accuracy_page(records)
+    assert {row.check for row in ROWS} | {"experiments"} == {check.name for check in CHECKS}
+
+
+def test_a_check_without_figures_is_named():
+    page = accuracy_page({"demo-order": {"day": "2026-01-02", "figures": {"mean_error_m": {"li": 2.0, "map": 1.234}}}})
+    assert "`li` 2.00, `map` 1.23 | `demo-order`, 2026-01-02" in page
+    assert "Not measured" in page
+    assert "`tracking`" in page

@@ -79,3 +79,13 @@ def test_options_are_part_of_the_stamp(tmp_path: Path, monkeypatch: pytest.Monke
     outer = importlib.import_module("made_outer").outer
     assert fingerprint(outer, {"nogil": True}) != fingerprint(outer, {"nogil": False})
     assert fingerprint(outer, {"fastmath": {"nsz", "arcp"}}) == fingerprint(outer, {"fastmath": {"arcp", "nsz"}})
+
+
+def test_what_is_compiled_is_announced_and_what_is_loaded_is_not(tmp_path: Path) -> None:
+    write(tmp_path)
+    told = "from calibration.foundation.compiled import announced; import made_outer; names = []"
+    tell = f"{told}\nwith announced(names.append): made_outer.outer(2)\nprint(*names)"
+    given = {**os.environ, "PYTHONPATH": f"{tmp_path}:{Path(__file__).parents[4]}"}
+    for wanted in (["outer", "inner"], []):
+        found = subprocess.run([sys.executable, "-c", tell], env=given, capture_output=True, text=True, check=True)
+        assert found.stdout.split() == wanted

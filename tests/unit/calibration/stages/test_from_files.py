@@ -117,7 +117,7 @@ def test_pixels_stay_as_stored_whatever_exif_says(tmp_path):
     (tmp_path / "up.jpg").write_bytes(with_exif(jpeg, 6, "X100"))
     photo = read_photo(tmp_path / "up.jpg")
     assert photo.gray.shape == (40, 60)
-    assert photo.taken == {"camera": "X100", "orientation": "6"}
+    assert photo.taken == {"camera": "X100", "orientation": "6", "turned_deg": "0"}
     assert metadata_of(with_exif(jpeg, 6, "X100")[:40]) == {}
     assert metadata_of(b"") == {}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.records import SolverSettings
-from pipeline.solver import solve
+from pipeline.solver import make_ready, solve
 from pipeline.solver.adjustment import _assembly, _kernels, compiled_descent, elimination
 from pipeline.solver.adjustment.assembly import assemble, assemble_plain, blocks_at
 from pipeline.solver.adjustment.elimination import (
@@ -110,6 +110,13 @@ def test_warming_up_loads_the_signatures_in_use():
     for pose_rate in (False, True):
         _both(*rich_model(("polynomial", "spline"), pose_rate=pose_rate))
     assert [len(k.signatures) for k in used] == before
+
+
+def test_only_compiling_is_told():
+    compiled_descent.warm()
+    told = []
+    make_ready(lambda done, of: told.append((done, of)))
+    assert told == []
 
 
 def test_poses_are_carried_alike():

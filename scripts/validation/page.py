@@ -1,0 +1,266 @@
+"""The page of accuracy and speed, made from the result file: no figure in it is typed by hand.
+
+A row says what was measured, by which check, and how its figures read. A check that is not in the file has no figure on
+the page, and the page says so.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scripts.validation.checks import CHECKS
+
+Figures = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """What a check's figures say, in words."""
+
+    check: str
+    what: str
+    words: Callable[[Figures], str]
+
+
+def demo_rows(f: Figures, unit: str) -> str:
+    """The demo's comparison in one unit."""
+    rows = [(name, v) for name, v in f.items() if isinstance(v, dict) and v.get("unit") == unit]
+    return "; ".join(
+        f"{name}: {v['after']:.3g} {unit}, claimed {v['sigma']:.3g}, before {v['before']:.3g}" for name, v in rows
+    )
+
+
+def tracking(f: Figures) -> str:
+    """Ours over all cars of the ten scenes."""
+    ours, kcf = f["ours"], f["kcf"]
+    x, y = ours["rms_px"]
+    return (
+        f"{x:.2f} and {y:.2f} px RMS, 95 % of errors within {ours['within_95_percent_px']:.2f} px, coverage "
+        f"{ours['coverage']:.3f}, fixes while hidden {ours['false_fixes']}, "
+        f"{ours['found_again']} of {ours['hidden']} found again, error over sigma {ours['error_over_sigma']:.2f}, "
+        f"{f['cpu_ms_a_frame']:.0f} ms of processor time a frame; {f['failed']} of {f['cars']} cars failed. Raw KCF: "
+        f"{kcf['rms_px'][0]:.1f} and {kcf['rms_px'][1]:.1f} px, coverage {kcf['coverage']:.2f}, "
+        f"{kcf['found_again']} of {kcf['hidden']} found again"
+    )
+
+
+def correlation(f: Figures) -> str:
+    """How alike errors are some frames apart."""
+    return ", ".join(f"{value:.2f} after {lag}" for lag, value in f["correlation_after_frames"].items())
+
+
+def robust(f: Figures) -> str:
+    """Error over robust sigma by kind of error; plain in brackets."""
+    return "; ".join(
+        f"{kind}: offset {v['offset_robust']:.2f} ({v['offset_plain']:.2f}), positions {v['position_robust']:.2f} "
+        f"({v['position_plain']:.2f})"
+        for kind, v in f.items()
+    )
+
+
+def solver_rows(f: Figures) -> str:
+    """Seconds by size, and over the peers where they ran."""
+    texts = []
+    for size, v in f.items():
+        more = "".join(
+            f", {peer} takes {v[key]:.1f} times as long"
+            for peer, key in (("Ceres", "ratio"), ("Li", "li_ratio"))
+            if key in v
+        )
+        texts.append(f"{size}: {1e3 * v['seconds']:.2f} ms, {v['iterations']} iterations, {v['peak_gb']:.2f} GB{more}")
+    return "; ".join(texts)
+
+
+def corruption(f: Figures) -> str:
+    """Sums over all kinds of damage."""
+    total = {key: sum(v.get(key, 0) for v in f.values()) for key in ("runs", "crash", "wrong", "fewer", "theirs wrong")}
+    return (
+        f"{total['runs']} damaged logs: {total['crash']} crashes, {total['wrong']} wrong messages (pymavlink: "
+        f"{total['theirs wrong']}), {total['fewer']} logs with fewer good messages than pymavlink finds"
+    )
+
+
+def span(values: list[float], digits: int = 2) -> str:
+    """Least to most."""
+    return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
+
+
+ROWS = (
+    Row(
+        check="demo",
+        what="demo: position of each target, error against the claimed sigma",
+        words=lambda f: demo_rows(f, "m"),
+    ),
+    Row(check="demo", what="demo: clocks", words=lambda f: demo_rows(f, "s")),
+    Row(check="demo", what="demo: attitude of the cameras", words=lambda f: demo_rows(f, "deg")),
+    Row(
+        check="demo-order",
+        what="mean position error of the methods over drawn flights of the demo's scene, m",
+        words=lambda f: ", ".join(f"`{name}` {value:.2f}" for name, value in f["mean_error_m"].items()),
+    ),
+    Row(check="tracking", what="ten rendered scenes, not tuned on, cars of 10 to 50 px, hidden once", words=tracking),
+    Row(check="tracking-csrt", what='the same with `tracker = "csrt"`', words=tracking),
+    Row(check="tracking-lossless", what="the same without the errors of compression", words=tracking),
+    Row(check="tracking", what="the same: correlation of the errors some frames apart", words=correlation),
+    Row(
+        check="correlated-errors",
+        what="flights of 10 s whose centres err: error over robust (plain) sigma",
+        words=robust,
+    ),
+    Row(
+        check="tracking-effect",
+        what="a flight of RTK grade solved with raw KCF centres and with ours, RMS",
+        words=lambda f: f"{f['raw_kcf_m']:.2f} m and {f['ours_m']:.2f} m",
+    ),
+    Row(
+        check="tracking-speed",
+        what="speed of tracking over that of decoding alone, interleaved, 720p H.264",
+        words=lambda f: ", ".join(
+            f"{name} {v['of_decoding']:.2f} ({v['least']:.2f} to {v['most']:.2f})" for name, v in f.items()
+        ),
+    ),
+    Row(
+        check="tracking-memory",
+        what="memory while tracking 30 minutes of video",
+        words=lambda f: f"{f['memory_mb'][0]:.0f} to {f['memory_mb'][1]:.0f} MB over {f['frames']} frames",
+    ),
+    Row(
+        check="board-finding",
+        what="finding an 11x8 board: time a photo, over ours, corner error RMS",
+        words=lambda f: "; ".join(
+            f"{name}: {v['ms_a_view']:.1f} ms, {v['times_ours']:.1f}, {v['corner_px']:.3f} px" for name, v in f.items()
+        ),
+    ),
+    Row(
+        check="calibration",
+        what="rendered photo sets, bad photos among them: corners, focal length, error over sigma",
+        words=lambda f: (
+            f"{f['sets']} sets: {f['corner_px']:.3f} px RMS, worst {f['corner_worst_px']:.3f}; "
+            f"{f['focal_percent']:.3f} % RMS, worst {f['focal_worst_percent']:.3f}; parameters "
+            f"{span(list(f['error_over_sigma'].values()))}, directions {f['direction_error_over_sigma']:.2f}"
+        ),
+    ),
+    Row(
+        check="start-auto",
+        what='`start = "auto"` on rendered flights (14 s of video in 100 s of log)',
+        words=lambda f: (
+            f"within half a frame in {f['right']} of {f['flights']}, {f['refused']} refused, {f['wrong']} wrong, "
+            f"error over claimed sigma {f['error_over_sigma']:.2f}; still flights refused: "
+            f"{f['still_refused_of_3']} of 3"
+        ),
+    ),
+    Row(
+        check="offset-search",
+        what="offset search on random flights, clocks unknown by a minute",
+        words=lambda f: (
+            f"right in {f['right']} of {f['flights']}, {f['ambiguous']} flagged as ambiguous, "
+            f"{f['wrong_and_silent']} wrong and silent"
+        ),
+    ),
+    Row(
+        check="solver-limit",
+        what="`map` over the Cramer-Rao bound; squared error over claimed covariance",
+        words=lambda f: (
+            f"{span(f['over_bound'])}; {span(f['nees'])}; {f['cells_within']} of {f['cells']} cells, "
+            f"{f['flights_a_cell']} flights each"
+        ),
+    ),
+    Row(
+        check="solver-speed",
+        what="one solve, one thread (cameras x frames x targets), beside its peers",
+        words=solver_rows,
+    ),
+    Row(check="solver-hour", what="the same up to an hour of four cameras at 25 Hz", words=solver_rows),
+    Row(
+        check="real-flights",
+        what="two real flights against RTK, offsets unknown (data not included)",
+        words=lambda f: "; ".join(
+            f"{name}: {v['absolute_m']:.2f} m absolute, {v['aligned_m']:.2f} m aligned, {v['seconds']:.0f} s, claimed "
+            f"sigmas cover {v['within_1_sigma_percent']:.0f} % at one sigma, "
+            f"{v['within_1.96_sigma_percent']:.0f} % at 1.96"
+            for name, v in f.items()
+        ),
+    ),
+    Row(
+        check="flight-chance",
+        what="one such flight's coverage if its claims were exactly true, in 95 of 100 flights",
+        words=lambda f: "; ".join(
+            f"{target}, {bound}: {v['low_percent']:.0f} to {v['high_percent']:.0f} %"
+            for target, told in f.items()
+            for bound, v in told.items()
+        ),
+    ),
+    Row(
+        check="logs",
+        what="log readers, pymavlink's processor time over ours; values compared, values that differ",
+        words=lambda f: "; ".join(f"{name}: {value:.0f}" for name, value in f.items() if "pymavlink" not in name),
+    ),
+    Row(
+        check="logs-large",
+        what="position, attitude and gimbal out of a `.tlog` of 1 GB, whole, and two minutes of it",
+        words=lambda f: (
+            f"{f['messages']} messages: {f['seconds']:.1f} s, {f['memory_mb']:.0f} MB beyond the mapped file; "
+            f"{f['part_seconds']:.2f} s, {f['part_bytes_mb']:.0f} MB of the file"
+        ),
+    ),
+    Row(check="log-corruption", what="damaged `.tlog` and DataFlash logs, beside pymavlink", words=corruption),
+    Row(
+        check="log-fuzzing",
+        what="every reader on mangled files",
+        words=lambda f: (
+            f"{f['files']} files in {f['minutes']:.0f} minutes: {f['crashed']} crashes, "
+            f"slowest {f['slowest_s']:.1f} s, memory grew by {f['memory_growth_mb']:.0f} MB"
+        ),
+    ),
+    Row(
+        check="resume",
+        what="a run killed at random moments and started again",
+        words=lambda f: f"{f['files_that_differ']} files differ after {f['hits']} of {f['kills']} kills that hit",
+    ),
+    Row(
+        check="mutants",
+        what="small faults put into the code one at a time: found by the tests",
+        words=lambda f: f"{f['killed']} of {f['mutants']}; {f['survived_explained']} of the others are explained",
+    ),
+)
+
+
+def accuracy_page(records: Mapping[str, Any]) -> str:
+    """Markdown."""
+    lines = [HEAD]
+    for row in ROWS:
+        record = records.get(row.check)
+        if record is not None:
+            lines.append(f"| {row.what} | {row.words(record['figures'])} | `{row.check}`, {record['day']} |")
+    lines.append("")
+    absent = [check.name for check in CHECKS if check.name not in records and check.name != "experiments"]
+    if absent:
+        lines.append(f"Not measured since the result file was begun: {', '.join(f'`{name}`' for name in absent)}.\n")
+    return "\n".join(lines) + TAIL
+
+
+HEAD = """# Accuracy and speed
+
+Made from `docs/figures.json` by `python -m scripts.validation page`; no figure is typed by hand. Each row names its
+check: `python -m scripts.validation run NAME` measures it again, `python -m scripts.validation` lists all checks with
+how long they take. Two cores; speeds are those of the machine and the day. [](earlier-figures.md) were measured by the
+same checks.
+
+| what | figure | check |
+| --- | --- | --- |"""
+TAIL = """
+What the paper's experiments show: [](experiments.md).
+
+What the uncertainty does not cover: a wrong lens model, a target that is not the same physical thing in both cameras,
+instruments that are worse than the flight file and the log say, errors that last for a tenth of a short flight or more
+without being constant (the robust sigmas allow for them in part).
+"""
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """The result file's records by check."""
+    return dict(json.loads(path.read_text(encoding="utf-8")))
