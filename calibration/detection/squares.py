@@ -61,17 +61,22 @@ def _surface(rows: int, cols: int) -> tuple[Floats, Floats, Floats]:
     return np.stack([x, y], axis=1), terms, np.eye(len(x)) - terms @ np.linalg.pinv(terms)
 
 
-def edge_blur_px(gray: cv2.typing.MatLike, grid: Floats) -> tuple[float, float]:
+PROFILE_REACH = 0.35
+"""How far to either side of an edge its blur is looked for, in squares."""
+
+
+def edge_blur_px(gray: cv2.typing.MatLike, grid: Floats, *, reach: float = PROFILE_REACH) -> tuple[float, float]:
     """Blur (a Gaussian's sigma, pixels) across the board's row edges and column edges: (smaller, larger).
 
     Along a profile across an edge, sigma = step / (sqrt(2 pi) steepest slope). A camera that moved while it
-    exposed blurs one of the two directions more. Median over the edges, of which at most some 16 each way are asked.
+    exposed blurs one of the two directions more. Median over the edges, of which at most some 16 each way are asked,
+    up to `reach` squares from the edge.
     """
     e1, e2 = steps(grid)
     ways = (((grid[:, :-1] + grid[:, 1:]) / 2, e2[:, :-1]), ((grid[:-1] + grid[1:]) / 2, e1[:-1]))
     some = [[v.reshape(-1, 2)[:: 1 + v.size // (2 * ASKED)] for v in way] for way in ways]
     middle, across = (np.concatenate([way[k] for way in some]) for k in (0, 1))
-    slopes, first = _edge_sigmas(gray, middle, across), len(some[0][0])
+    slopes, first = _edge_sigmas(gray, middle, across, reach), len(some[0][0])
     found = [middle_of(s[s < np.inf]) if (s < np.inf).any() else float("nan") for s in (slopes[:first], slopes[first:])]
     return min(found), max(found)
 
@@ -104,11 +109,11 @@ def _squares(vectors: Floats) -> Floats:
     return np.asarray(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
 
 
-def _edge_sigmas(gray: cv2.typing.MatLike, middle: Floats, across: Floats) -> Floats:
-    """(k,) sigma of the edges at `middle` (k, 2), profiles along `across` to 0.35 of it either side; inf: no edge."""
-    length = np.sqrt(_squares(across)) * 0.7
+def _edge_sigmas(gray: cv2.typing.MatLike, middle: Floats, across: Floats, reach: float) -> Floats:
+    """(k,) sigma of the edges at `middle` (k, 2), profiles to `reach` of `across` either side; inf: no edge."""
+    length = np.sqrt(_squares(across)) * (2 * reach)
     count = int(np.clip(round(3 * middle_of(length)), 9, 61))
-    place = np.linspace(-0.35, 0.35, count)
+    place = np.linspace(-reach, reach, count)
     tone = _sample(gray, middle[:, None, :] + place[:, None] * across[:, None, :])
     step = np.abs(tone[:, -1] - tone[:, 0])
     slope = np.abs(tone[:, 1:] - tone[:, :-1]).max(axis=1) / (length / (count - 1))

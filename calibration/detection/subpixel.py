@@ -106,17 +106,20 @@ def _signed(contrast: Floats) -> Floats:
     return np.asarray(contrast * (1 - 2 * ((row + col) % 2))[:, :, None])
 
 
-def sharpened(gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straight: bool = False) -> Moved:
+def sharpened(
+    gray: cv2.typing.MatLike, grid: Floats, blur_px: float, *, straight: bool = False, clear: float = REACH
+) -> Moved:
     """Corners (rows, cols, 2) moved once, on edges as wide as `blur_px`; at most by twice that.
 
-    `straight` is for the first steps: what the lens bends is left out, and every other pixel along the edges.
+    `straight` is for the first steps: what the lens bends is left out, and every other pixel along the edges. Nothing
+    is sampled further across an edge than `clear` squares: markers begin there.
     """
     surface = _plane(grid) if straight else _surface(grid)
     across = surface[:, :, :, 2].copy()
     length = np.sqrt(np.maximum(across[:, :, 0] ** 2 + across[:, :, 1] ** 2, LEAST_LENGTH))
     area = np.maximum(np.abs(across[0, :, 0] * across[1, :, 1] - across[0, :, 1] * across[1, :, 0]), LEAST_LENGTH)
     sigma = blur_px * length[::-1] / area
-    narrow = np.minimum(sigma, REACH / ACROSS[-1])
+    narrow = np.minimum(sigma, min(REACH, clear) / ACROSS[-1])
     sparse = 2 if straight else 1
     along, terms = _strip(2 * int(np.clip(REACH * middle_of(length) / (sparse * ALONG_PX), 4, MOST_ALONG // 2)))
     surface[:, :, :, 2] *= narrow[:, :, None]

@@ -49,10 +49,11 @@ class CalibratedView:
 
 @dataclass(frozen=True, kw_only=True)
 class RejectedView:
-    """One photo that was not used, and why."""
+    """One photo that was not used, and why; `harmless` where nothing is wrong with it, only nothing new in it."""
 
     name: str
     reason: str
+    harmless: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -153,7 +153,7 @@ def _bad_views(views: Sequence[CalibratedView], rejected: Sequence[RejectedView]
     rms = np.array([v.rms_px for v in views])
     typical = float(np.median(rms))
     far = [f"{v.name} ({v.rms_px:.2f} px)" for v in views if v.rms_px > 2 * typical and v.rms_px > typical + 0.1]
-    words = []
+    words, rejected = [], [r for r in rejected if not r.harmless]
     if far:
         words.append(f"views that fit much worse than the others ({typical:.2f} px): {', '.join(far)}")
     if rejected:

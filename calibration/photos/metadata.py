@@ -25,7 +25,7 @@ def metadata_of(raw: bytes) -> Mapping[str, str]:
             warnings.simplefilter("ignore")  # of damaged or very large metadata: what can be read is taken
             with Image.open(BytesIO(raw)) as picture:
                 exif = picture.getexif()
-            entries = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
+                entries = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
     except (OSError, ValueError, SyntaxError, TypeError, KeyError, Image.DecompressionBombError):
         return {}
     said = {name: _text(entries[tag]) for tag, name in TAGS.items() if tag in entries}

@@ -19,7 +19,17 @@ from calibration.foundation.files import read_bytes
 from calibration.photos.metadata import metadata_of
 
 PHOTO_SUFFIXES = frozenset([".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".jp2"])
+UNREAD_SUFFIXES = frozenset(
+    [".heic", ".heif", ".hif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".avif",
+     ".jxl", ".gif", ".insp", ".rjpeg"]
+)  # fmt: skip
+"""Photos that OpenCV does not read here: told, never passed over in silence."""
 VIDEO_SUFFIXES = frozenset([".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".m2ts", ".webm", ".mpg", ".mpeg"])
+
+KNOWN_SUFFIXES = PHOTO_SUFFIXES | VIDEO_SUFFIXES | UNREAD_SUFFIXES
+STRETCH_SHARE = 0.001
+"""Of the pixels that may lie outside when 16 bits or floats are brought to 8: dead and hot ones. Doubled it clips more
+of a board's darkest and brightest squares, which moves no corner."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,10 +43,14 @@ class Photo:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoFiles:
-    """What the user's sources come down to: photos and videos, each in order and once."""
+    """What the user's sources come down to: photos and videos, each in order and once.
+
+    unread  photos of kinds that cannot be read, of which there is no other file of that name
+    """
 
     photos: tuple[Path, ...]
     videos: tuple[Path, ...]
+    unread: tuple[Path, ...] = ()
 
 
 def find_photos(sources: Sequence[Path]) -> PhotoFiles:
@@ -49,22 +63,27 @@ def find_photos(sources: Sequence[Path]) -> PhotoFiles:
         files |= dict.fromkeys(_files_of(source))
     photos = tuple(f for f in files if f.suffix.lower() in PHOTO_SUFFIXES)
     videos = tuple(f for f in files if f.suffix.lower() in VIDEO_SUFFIXES)
+    read = {f.with_suffix("").resolve() for f in photos}
+    unread = tuple(f for f in files if f.suffix.lower() in UNREAD_SUFFIXES and f.with_suffix("").resolve() not in read)
     if not photos and not videos:
+        kinds = ", ".join(sorted({f.suffix for f in unread}))
         raise InputFileError(
             where=", ".join(map(str, sources)) or "photos",
-            seen="no photos" if not files else f"no photos among {len(files)} files",
+            seen=f"only photos that cannot be read here ({kinds})" if unread else "no photos",
             expected="photos (.jpg .png .tif ...) or a video (.mp4 .mov ...) of the board",
-            advice="name the folder that holds the photos",
+            advice=EXPORT if unread else "name the folder that holds the photos",
         )
-    return PhotoFiles(photos=photos, videos=videos)
+    return PhotoFiles(photos=photos, videos=videos, unread=unread)
+
+
+EXPORT = 'export them as JPEG or TIFF in full size; a phone can be set to take JPEG ("most compatible")'
 
 
 def _files_of(source: Path) -> list[Path]:
     if source.is_dir():
-        known = PHOTO_SUFFIXES | VIDEO_SUFFIXES
-        return sorted(f for f in source.iterdir() if f.suffix.lower() in known and not f.name.startswith("."))
+        return sorted(f for f in source.iterdir() if f.suffix.lower() in KNOWN_SUFFIXES and not f.name.startswith("."))
     if source.is_file():
-        if source.suffix.lower() not in PHOTO_SUFFIXES | VIDEO_SUFFIXES:
+        if source.suffix.lower() not in KNOWN_SUFFIXES:
             raise InputFileError(
                 where=str(source),
                 seen=f"a {source.suffix or 'nameless'} file",
@@ -80,22 +99,40 @@ def _files_of(source: Path) -> list[Path]:
             expected="photos, a folder of photos, or a video",
             advice=f"check the name; files are looked for from {Path.cwd()}",
         )
-    return [f for f in matched if f.suffix.lower() in PHOTO_SUFFIXES | VIDEO_SUFFIXES]
+    return [f for f in matched if f.suffix.lower() in KNOWN_SUFFIXES]
 
 
 def read_photo(path: Path) -> Photo:
     """One photo; raises InputFileError where it is missing, cut off or no image."""
     raw = read_bytes(path, expected="a photo")
-    gray = (
-        cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-        if raw
-        else None
-    )
-    if gray is None:
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    stored = cv2.imdecode(np.frombuffer(raw, np.uint8), flags) if raw else None
+    if stored is None:
+        kind = _unread_kind(raw)
         raise InputFileError(
             where=str(path),
-            seen="an empty file" if not raw else "not an image, or a damaged one",
+            seen="an empty file" if not raw else kind or "not an image, or a damaged one",
             expected="a photo that can be decoded",
-            advice="copy it from the camera again, or leave it out",
+            advice=EXPORT if kind else "copy it from the camera again, or leave it out",
         )
-    return Photo(name=path.name, gray=gray, taken={**metadata_of(raw), "turned_deg": "0"})
+    return Photo(name=path.name, gray=to_eight_bits(stored), taken={**metadata_of(raw), "turned_deg": "0"})
+
+
+def to_eight_bits(stored: cv2.typing.MatLike) -> cv2.typing.MatLike:
+    """A gray image of 8 bits: what has more (thermal counts, 16-bit TIFF, floats) stretched over what it holds."""
+    if stored.dtype == np.uint8:
+        return stored
+    values = np.asarray(stored, np.float32)
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return np.zeros(values.shape, np.uint8)
+    low, high = np.quantile(finite, [STRETCH_SHARE, 1 - STRETCH_SHARE])
+    scaled = (np.nan_to_num(values, nan=low, posinf=high, neginf=low) - low) * (255 / max(high - low, 1e-12))
+    return np.asarray(np.clip(np.rint(scaled), 0, 255), np.uint8)
+
+
+def _unread_kind(raw: bytes) -> str:
+    """What kind of photo it is that cannot be read, where its first bytes say so."""
+    if raw[4:8] == b"ftyp":
+        return f"a photo of the HEIF family ({raw[8:12].decode('latin-1').strip()}), which is not read here"
+    return ""

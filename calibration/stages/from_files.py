@@ -16,7 +16,7 @@ from calibration.detection.find import find_board, looks_like
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError, UsageError
 from calibration.judgement.result import Calibration, RejectedView
-from calibration.photos.reading import Photo, PhotoFiles, find_photos, read_photo
+from calibration.photos.reading import EXPORT, Photo, PhotoFiles, find_photos, read_photo
 from calibration.photos.videos import frame_count, video_frames
 from calibration.stages.from_views import calibrate, refuse_mixed_sizes
 
@@ -48,6 +48,9 @@ def calibrate_files(
     _refuse_absent(board, found, missing)
     _refuse_mixed_cameras(found)
     rejected = [RejectedView(name=name, reason="the board was not found") for name in missing]
+    rejected += [
+        RejectedView(name=path.name, reason=f"{path.suffix} is not read here: {EXPORT}") for path in files.unread
+    ]
     return calibrate(found, board, terms=terms, rejected=rejected)
 
 

@@ -29,8 +29,10 @@ from calibration.camera import CameraModel
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import CalibrationError, InputFileError, UsageError
 from calibration.judgement.coverage import Coverage, coverage, grid_of, lattice, reached
+from calibration.judgement.duplicates import without_copies
 from calibration.judgement.outliers import agreeing, contradicting, kept, two_cameras
 from calibration.judgement.result import CalibratedView, Calibration, DirectionSigma, RejectedView
+from calibration.judgement.two_cameras import like_cameras
 from calibration.judgement.verdict import Diagnosis, advice, judge, refuse_undetermined
 
 LEAST_VIEWS = 3
@@ -54,17 +56,24 @@ def calibrate(
     Raises InputFileError for mixed image sizes, CalibrationError where the views cannot determine the camera (fewer
     than 3, all fronto-parallel, all in one corner, two cameras mixed), UsageError for unknown `terms`.
     """
+    views, copies = without_copies(views)
+    rejected = [*rejected, *(_copy(view, first) for view, first in copies)]
     _check(views, terms)
     board_m = board.points_m - board.points_m.mean(axis=0)
     noise = corner_noise_px([grid_of(v, board.cols, board.rows) for v in views])
     views, outliers, start = _without_outliers(views, board_m, terms, noise)
     corners = stacked(views)
     best = _best(corners, views, board_m, terms, noise, start)
+    _refuse_like_cameras(best, views)
     best, diagnosis = _diagnosed(best, corners, noise, board)
     best, corners = _settled(best, corners)
     reach = coverage(views, best.fit.rotation, best.fit.translation_m)
     refuse_undetermined(best, reach, views)
     return _calibration(best, views, board, corners, noise, diagnosis, reach, (*rejected, *outliers))
+
+
+def _copy(view: BoardView, first: BoardView) -> RejectedView:
+    return RejectedView(name=view.name, reason=f"the same picture as {first.name}, which counts once", harmless=True)
 
 
 def _check(views: Sequence[BoardView], terms: str) -> None:
@@ -160,6 +169,25 @@ def _refuse_two_cameras(model: Model, views: Sequence[BoardView], fit: Fit) -> N
         f"{_some(names[1])} one of {other:.0f} px",
         expected="photos of one camera with one zoom and focus",
         advice="calibrate each group on its own",
+    )
+
+
+def _refuse_like_cameras(best: Candidate, views: Sequence[BoardView]) -> None:
+    """Raises CalibrationError where two cameras took the views, however alike, before a bent board is thought of."""
+    found = like_cameras(best.model, best.fit, views)
+    if found is None:
+        return
+    names = [[v.name for v, m in zip(views, mask, strict=True) if m] for mask in (found.first, ~found.first)]
+    told = [
+        f"{_some(group)} fit a focal length of {fx:.1f} px and a principal point of {cx:.1f}, {cy:.1f}"
+        for group, (fx, _, cx, cy) in zip(names, found.intrinsics, strict=True)
+    ]
+    what = "photos turned by 180 degrees among others" if found.turned else "two cameras, or two zoom or focus settings"
+    raise CalibrationError(
+        where="photos",
+        seen=f"{what}: {told[0]}; {told[1]}",
+        expected="photos of one camera with one zoom and focus, as the sensor stored them",
+        advice="take the photos as they come from the camera" if found.turned else "calibrate each group on its own",
     )
 
 

@@ -1,6 +1,6 @@
 """The real flights, offsets unknown: errors against RTK truth, clocks, coverage of the claimed sigmas, seconds, memory.
 
-usage: python -m scripts.validation.check_flights [FOLDER]      (default ../shared/real/multicam beside the project)
+usage: python -m scripts.validation.check_flights FOLDER
 
 FOLDER holds flight1 and flight3, each with flight.toml and truth/ (rtk.csv; reference.json with the true clocks).
 Each flight is solved by the command line in a process of its own, whose seconds and memory are printed.
@@ -189,7 +189,7 @@ def clock_lines(flight: Path, out: Path, clocks: dict) -> list[str]:  # type: ig
     return lines
 
 
-def main(folder: str = "../shared/real/multicam") -> None:
+def main(folder: str) -> None:
     """Prints the table of each flight."""
     if not Path(folder).is_dir():
         raise SystemExit(f"{folder}: no such folder; give the folder that holds {' and '.join(FLIGHTS)}")
@@ -217,4 +217,6 @@ def main(folder: str = "../shared/real/multicam") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    if len(sys.argv) != 2:
+        raise SystemExit(__doc__)
+    main(sys.argv[1])

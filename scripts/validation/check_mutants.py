@@ -134,7 +134,7 @@ def changed(mutant: Mutant) -> str | None:
     return None if result is None else str(result)
 
 
-def tests_of(mutant: Mutant) -> list[list[str]]:
+def asked_tests(mutant: Mutant) -> list[list[str]]:
     """Test files in the order in which they are asked, in groups."""
     module = mutant.path.removesuffix(".py").replace("/", ".")
     parent, _, leaf = module.rpartition(".")
@@ -149,6 +149,13 @@ def tests_of(mutant: Mutant) -> list[list[str]]:
     return [group for group in (direct, mirrored, room, rest) if group]
 
 
+def left_behind(folder: str, names: list[str]) -> set[str]:
+    """What of the project's own folder is no part of it: not `pipeline/demo`, but what `scripts/demo` made."""
+    return (
+        {n for n in names if n.startswith(".") or n in ("out", "demo", "experiments")} if folder == str(ROOT) else set()
+    )
+
+
 def outcome(mutant: Mutant, copy: Path, python: str) -> tuple[str, str]:
     """("killed", by what), or ("survived", the change)."""
     file, whole = copy / mutant.path, (ROOT / mutant.path).read_text(encoding="utf-8")
@@ -156,7 +163,7 @@ def outcome(mutant: Mutant, copy: Path, python: str) -> tuple[str, str]:
     assert after is not None
     file.write_text(after, encoding="utf-8")
     try:
-        for group in tests_of(mutant):
+        for group in asked_tests(mutant):
             said = asked(group, copy, python)
             if said is not None:
                 return "killed", said
@@ -198,12 +205,12 @@ def main() -> int:
     mutants = drawn(given.count, given.skip, given.seed, given.only or list(ROOMS))
     if given.list:
         for mutant in mutants:
-            print(mutant.name, [len(group) for group in tests_of(mutant)])
+            print(mutant.name, [len(group) for group in asked_tests(mutant)])
         return 0
     kept = json.loads(given.keep.read_text()) if given.keep and given.keep.exists() else {}
     with tempfile.TemporaryDirectory() as scratch:
         copy = Path(scratch) / "copy"
-        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "out", "demo", "_build", ".*_cache"))
+        shutil.copytree(ROOT, copy, ignore=left_behind)
         for number, mutant in enumerate(mutants, 1):
             began = time.perf_counter()
             if mutant.name not in kept:

@@ -9,6 +9,7 @@ import pytest
 from calibration.foundation.errors import DID_NOT_CONVERGE, RunningFixError
 from pipeline.cli import door
 from pipeline.cli.parser import build_parser
+from pipeline.export.exporters import EXPORTS
 from pipeline.flight import read_flight
 
 ROOT = Path(__file__).parents[2]
@@ -68,6 +69,12 @@ def every_error(kind):
     yield kind
     for below in kind.__subclasses__():
         yield from every_error(below)
+
+
+def test_every_output_is_documented():
+    rows = [line.split("|")[1] for line in DOCS["outputs"].splitlines() if line.startswith("| `")]
+    for name in (*(exporter.file_name for exporter in EXPORTS), "tracks.csv", "poses.csv", "report.html"):
+        assert any(f"`{name}`" in row or f"`.{name.rpartition('.')[2]}`" in row for row in rows), name
 
 
 def test_the_readme_is_two_screens():
