@@ -45,6 +45,8 @@ class ImageTrack:
     xy_px     (n, 2) centre; NaN while lost
     sigma_px  (n,) per axis; NaN while lost
     state     (n,) TRACKED, REACQUIRED (first fix after a loss) or LOST
+    box       (n,) true where a fix is the middle of the target's box, to about a tenth of its side, and not
+              a point of its surface, to a fraction of a pixel; all false where not given
 
     `sigma_px` is what one fix is worth, not a claim that fixes err independently: a tracker's errors last. The constant
     and the slowest part are carried as place errors (`SightRays.place_sigma_px`), what lasts for some frames by the
@@ -58,6 +60,7 @@ class ImageTrack:
     xy_px: Floats
     sigma_px: Floats
     state: npt.NDArray[np.int64]
+    box: Bools | None = None
 
     def __post_init__(self) -> None:
         n = len(self.frame)
@@ -71,7 +74,13 @@ class ImageTrack:
             xy_px=frozen(self.xy_px, (n, 2), "xy_px"),
             sigma_px=frozen(self.sigma_px, (n,), "sigma_px"),
             state=frozen(self.state, (n,), "state", np.int64),
+            box=frozen(np.zeros(n, bool) if self.box is None else self.box, (n,), "box", np.bool_),
         )
+
+    @property
+    def by_box(self) -> Bools:
+        """(n,) true where a fix is the middle of a box."""
+        return np.zeros(len(self.frame), bool) if self.box is None else self.box
 
     @property
     def seen(self) -> Bools:

@@ -23,3 +23,112 @@ class TrackingSettings:
     return_score: float = 0.7
     adaptation: float = 0.02
     longest_loss_s: float = 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoxTrackerSettings:
+    """The independent box tracker (CSRT in a chip); tried on labelled aerial video of people, boats and trucks.
+
+    box_px         side of the target's box in the chip; at 32 it strays more on four of five sequences
+    chip_over_box  side of the chip; halved, a target that jumps by its own size is lost
+    largest_scale  image enlarged at most so much: more adds no detail
+    template_px    side to which CSRT itself brings what it learns; halved, people are lost
+    scales         sizes tried at every look; doubled, it costs half as much again
+    restart_off    share of the chip, and `restart_size` of the box, from which it starts again at its own answer
+    area_below     image reduced by averaging from this scale down
+    every_s, every_rigid_s  between looks while nothing is in doubt, and at what keeps its look; halved, tracking of
+                   four targets takes half as long again
+    look_px        side of the picture that is kept of what the box held
+    remember       share of a new look in that; doubled, what slowly covers a target is taken for it
+    least_likeness correlation with that below which the target is covered
+    sigma_share    what its centre is worth, one sigma per axis, in sides of the box: labels differ by half of
+                   that; halved, its fixes claim what they do not hold
+    """
+
+    box_px: float = 24.0
+    chip_over_box: float = 5.0
+    largest_scale: float = 3.0
+    template_px: float = 100.0
+    scales: int = 17
+    restart_off: float = 0.2
+    restart_size: tuple[float, float] = (0.5, 1.8)
+    area_below: float = 0.5
+    every_s: float = 0.25
+    every_rigid_s: float = 0.6
+    look_px: int = 24
+    remember: float = 0.3
+    least_likeness: float = 0.4
+    sigma_share: float = 0.12
+
+
+BOX_TRACKER = BoxTrackerSettings()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlideSettings:
+    """When a track counts as slid onto the scene.
+
+    longest_s       how far back is looked; less, and slow targets cannot be judged
+    first_s, fewest seconds and frames from which a velocity is known
+    least_way_px, least_way_sizes  that the target should have gone for a judgement; halved, parallax and jitter decide
+    goes_on, slid   share of the expected way above which a place was certain, below which it is suspicious
+    believe         share of a new velocity that is believed; doubled, a slide is learned before it is seen
+    frames, doubtful_frames  in a row that must look slid; where only a doubtful look speaks beside the standing still
+    stop_frames     of standing still, never seen in the scene before, after which the target stopped
+    apart_sizes     that an earlier frame must hold target and scene apart
+    least_scene, margin  correlation with the scene that proves it, and by how much it must beat the target's
+    kept_sizes      how far from the course of a certain target places may lie that are kept where it is lost later
+    inner, sampled, finest_px, reach_sizes  the compared part of the box, samples on a side, their least distance, and
+                    how far parallax may have moved the scene
+    """
+
+    longest_s: float = 2.5
+    first_s: float = 0.4
+    fewest: int = 3
+    least_way_px: float = 3.0
+    least_way_sizes: float = 0.3
+    goes_on: float = 0.6
+    slid: float = 0.35
+    believe: float = 0.15
+    frames: int = 2
+    doubtful_frames: int = 3
+    stop_frames: int = 6
+    apart_sizes: float = 0.5
+    least_scene: float = 0.5
+    margin: float = 0.05
+    kept_sizes: float = 0.2
+    inner: float = 0.85
+    sampled: float = 20.0
+    finest_px: float = 0.7
+    reach_sizes: float = 0.25
+
+
+SLIDE = SlideSettings()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchSettings:
+    """How surface and box are weighed against each other.
+
+    apart          sides of the box by which a surface point may lie off the box tracker's centre: bodies turn by 0.2
+    score_drop     below the usual score from which the surface point is to blame where they part
+    memory_frames  for which a drop of the score is remembered
+    rigid_score    usual score of a target that keeps its look: rendered cars have 0.95, walkers 0.85
+    offset_share   of a new look in the box centre's place beside the surface point
+    unsure_s       for which a box that fails when it is alone is not believed before; halved, what covers a target is
+                   given as the target for a few frames
+    held_s         how long a hidden surface point counts as lost while the box holds the target, at most
+    search_every   frames between searches for it then
+    """
+
+    apart: float = 0.4
+    score_drop: float = 0.1
+    memory_frames: int = 10
+    rigid_score: float = 0.9
+    offset_share: float = 0.3
+    unsure_s: float = 1.0
+    held_s: float = 1.0
+    search_every: int = 3
+
+
+WATCH = WatchSettings()

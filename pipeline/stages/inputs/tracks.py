@@ -41,7 +41,8 @@ def track_camera(
 ) -> VideoTracks:
     """The tracks in one camera's video, at the flight file's frame rate.
 
-    A given `sigma.pixel` is what the median fix is worth; the tracker's own sigmas then say how the others differ.
+    A given `sigma.pixel` is what the median fix of a surface point is worth; the tracker's own sigmas then say how the
+    others differ. The middle of a box keeps the sigma it has.
     """
     assert camera.video is not None
     settings = TrackingSettings(tracker=camera.tracker)
@@ -49,11 +50,12 @@ def track_camera(
         camera.video, camera=camera.name, boxes=boxes_of(flight, camera), settings=settings, progress=progress
     )
     scale = found.frame_rate / (camera.frame_rate or found.frame_rate)
-    every = np.concatenate([track.sigma_px[track.seen] for track in found.tracks])
+    every = np.concatenate([track.sigma_px[track.seen & ~track.by_box] for track in found.tracks])
     given = camera.sigma.get("pixel_px")
     worth = 1.0 if given is None or not len(every) else given / float(np.median(every))
     tracks = tuple(
-        replace(track, time_s=track.time_s * scale, sigma_px=track.sigma_px * worth) for track in found.tracks
+        replace(track, time_s=track.time_s * scale, sigma_px=track.sigma_px * np.where(track.by_box, 1.0, worth))
+        for track in found.tracks
     )
     return replace(found, tracks=tracks)
 

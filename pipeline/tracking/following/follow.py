@@ -18,7 +18,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from pipeline.records import Box
 from pipeline.tracking.presence.scene_behind import LEAST_AWAY_PX, aligned, behind_of, difference_from_scene
-from pipeline.tracking.presence.verify import TO_FOLLOW, TO_LEARN, TO_RETURN, can_be_there, holds, merit
+from pipeline.tracking.presence.verify import EXPECTED_S, TO_FOLLOW, TO_LEARN, TO_RETURN, can_be_there, holds, merit
 from pipeline.tracking.records import changed
 from pipeline.tracking.scene.background import Scene
 from pipeline.tracking.settings import TrackingSettings
@@ -37,7 +37,7 @@ NEW_SCORE = 0.42
 # how far below the usual score other turns and places are tried; what one must gain, and may still lack
 IN_DOUBT, LEAST_GAIN, MOST_SHORT = 0.12, 0.08, 0.06
 OTHER_TURNS_RAD, BESIDE = (0.3, -0.3, 0.7, -0.7), 0.7  # and of its size
-MOST_PENDING = 15  # frames for which a find that never looks as usual is held back
+MOST_PENDING = 15  # frames for which a find that never looks as usual is held back; then dropped after a long loss
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
 SPIN_RATE, SPIN_LASTS_S, MOST_SPIN = 0.15, 1.0, 1.0  # how soon a turning is believed, how long while hidden; rad/s
@@ -69,7 +69,7 @@ def follow(target: TrackState, scene: Scene, settings: TrackingSettings) -> tupl
     image, frame = scene.pixels, scene.frame
     if target.gone:
         return target, ()
-    target = _carried(target, scene)
+    target = carry(target, scene)
     if target.hidden:
         return _searched(target, image, frame, scene, settings)
     target, found = _looked(target, scene, settings)
@@ -86,12 +86,12 @@ def follow(target: TrackState, scene: Scene, settings: TrackingSettings) -> tupl
     as_usual = max(f.score for f in pending) > target.usual[0] - IN_DOUBT / 2
     if len(pending) <= (doubt.frames if as_usual else MOST_PENDING):
         return changed(target, pending=pending, doubt=doubt), ()
-    if doubt.stands_still(found.warp.centre_px):
+    if doubt.stands_still(found.warp.centre_px) or not (as_usual or doubt.otherwise.lost_s < EXPECTED_S):
         return doubt.otherwise, ()
     return changed(target, pending=(), doubt=None), pending
 
 
-def _carried(target: TrackState, scene: Scene) -> TrackState:
+def carry(target: TrackState, scene: Scene) -> TrackState:
     """Where and how a target should be now; of one that was found in doubt, also if that was a mistake."""
     course, jacobian = carried(target.course, scene.cur_from_prev, scene.dt_s)
     doubt = target.doubt
@@ -99,7 +99,7 @@ def _carried(target: TrackState, scene: Scene) -> TrackState:
         target, course=course, linear=jacobian @ target.linear @ _rotation(target.spin * scene.dt_s),
         spin=target.spin * math.exp(-scene.dt_s / SPIN_LASTS_S) if target.hidden else target.spin,
         lost_s=target.lost_s + scene.dt_s if target.hidden else target.lost_s,
-        doubt=None if doubt is None else changed(doubt, otherwise=_carried(doubt.otherwise, scene)),
+        doubt=None if doubt is None else changed(doubt, otherwise=carry(doubt.otherwise, scene)),
     )  # fmt: skip
 
 
@@ -110,10 +110,16 @@ def _lost(target: TrackState, scene: Scene) -> TrackState:
         if len(target.pending) <= target.doubt.frames:
             return was
         return changed(target, hidden=True, coarse=None, pending=(), doubt=None, lost_s=was.lost_s)
+    return hide(target, scene.dt_s)
+
+
+def hide(target: TrackState, lost_s: float) -> TrackState:
+    """The target as one that is not seen, for `lost_s` already."""
     speed = float(np.hypot(*target.course.velocity))
     return changed(
-        target, hidden=True, coarse=None, lost_s=scene.dt_s, scale_when_lost=target.scale, speed_when_lost=speed
-    )
+        target, hidden=True, coarse=None, lost_s=lost_s, scale_when_lost=target.scale, speed_when_lost=speed,
+        pending=(), doubt=None,
+    )  # fmt: skip
 
 
 def _looked(target: TrackState, scene: Scene, settings: TrackingSettings) -> tuple[TrackState, Alignment | None]:

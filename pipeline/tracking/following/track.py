@@ -14,10 +14,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from calibration.foundation.errors import TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
-from pipeline.tracking.following.follow import begin, follow
+from pipeline.tracking.following.watch import Watched, begin_watch, watch
 from pipeline.tracking.records import VideoTimes, VideoTracks
 from pipeline.tracking.scene.background import Scene, scenes
 from pipeline.tracking.settings import TrackingSettings
@@ -78,7 +78,7 @@ def track_video(
         image_size=video.size,
         outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
         predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
-        notes=(*video.notes, *_losses(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
+        notes=(*video.notes, *_losses(tracks), *_by_box(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
     )
 
 
@@ -93,12 +93,13 @@ class _Video:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fixes:
-    """Every fix of one target: frame (k,), xy_px (k, 2), sigma_px (k,), linear (k, 2, 2) as in `Fix`."""
+    """Every fix of one target: frame (k,), xy_px (k, 2), sigma_px (k,), linear (k, 2, 2) as in `Fix`, box (k,) kind."""
 
     frame: Ints
     xy_px: Floats
     sigma_px: Floats
     linear: Floats
+    box: Bools
 
 
 class _Follower:
@@ -106,9 +107,10 @@ class _Follower:
 
     def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
         self.boxes, self.settings, self.pool = boxes, settings, pool
-        self.targets: dict[str, TrackState] = {}
+        self.targets: dict[str, Watched] = {}
         self.known: dict[str, TrackState] = {}  # every target as it was when it ceased to be new
         self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
+        self._taken_back: dict[str, array[int]] = {name: array("q") for name in boxes}
         self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
 
     def turn_round(self) -> None:
@@ -122,14 +124,22 @@ class _Follower:
             if target is not None:
                 self.targets[name] = target
             for fix in new:
-                self._rows[name].extend((fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel()))
+                kind = float(fix.kind == "box")
+                self._rows[name].extend((fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel(), kind))
 
     def fixes(self, name: str) -> Fixes:
         """Of one target, in order of time."""
-        rows = np.frombuffer(self._rows[name], float).reshape(-1, 8)
+        rows = np.frombuffer(self._rows[name], float).reshape(-1, 9)
+        rows = rows[~np.isin(rows[:, 0], np.frombuffer(self._taken_back[name], np.int64))]
         frame, first = np.unique(rows[:, 0].astype(int), return_index=True)  # the box is met on both ways
         rows = rows[first]
-        return Fixes(frame=frame, xy_px=rows[:, 1:3], sigma_px=rows[:, 3], linear=rows[:, 4:].reshape(-1, 2, 2))
+        return Fixes(
+            frame=frame,
+            xy_px=rows[:, 1:3],
+            sigma_px=rows[:, 3],
+            linear=rows[:, 4:8].reshape(-1, 2, 2),
+            box=rows[:, 8] > 0,
+        )
 
     def predicted(self, name: str, fixes: Fixes, frames: int) -> Floats:
         """Where one target was looked for (n, 3), a row for each of its track's."""
@@ -141,19 +151,22 @@ class _Follower:
         places[fixes.frame - first] = np.nan
         return places
 
-    def _through(self, name: str, part: Sequence[Scene]) -> tuple[TrackState | None, list[Fix]]:
+    def _through(self, name: str, part: Sequence[Scene]) -> tuple[Watched | None, list[Fix]]:
         target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
         for scene in part:
             if scene.frame == box.frame:
-                target, first = begin(scene.pixels, box, self.settings, self.known.get(name))
+                target, first = begin_watch(scene, box, self.settings, self.known.get(name))
                 fixes.append(first)
             elif target is not None:
-                target, new = follow(target, scene, self.settings)
-                fixes += new
-                if not target.new and not target.hidden:
-                    self.known.setdefault(name, target)
-                if target.hidden and not target.gone:
-                    self._looked[name].extend((scene.frame, *target.course.position_px, target.course.sigma_px))
+                target, seen = watch(target, scene, self.settings)
+                fixes = [fix for fix in fixes if fix.frame not in seen.taken_back]
+                fixes += seen.fixes
+                self._taken_back[name].extend(seen.taken_back)
+                surface = target.surface
+                if not surface.new and not surface.hidden:
+                    self.known.setdefault(name, surface)
+                if surface.hidden and not surface.gone:
+                    self._looked[name].extend((scene.frame, *surface.course.position_px, surface.course.sigma_px))
         return target, fixes
 
 
@@ -220,12 +233,14 @@ def _track(camera: str, target: str, fixes: Fixes, times: Floats) -> ImageTrack:
     first = int(fixes.frame[0])
     n, rows = len(times) - first, fixes.frame - first
     xy, sigma, state = np.full((n, 2), np.nan), np.full(n, np.nan), np.full(n, LOST)
-    xy[rows], sigma[rows] = fixes.xy_px, fixes.sigma_px
+    boxed = np.zeros(n, bool)
+    xy[rows], sigma[rows], boxed[rows] = fixes.xy_px, fixes.sigma_px, fixes.box
     state[rows] = np.where(np.diff(rows, prepend=-1) > 1, REACQUIRED, TRACKED)
     frame = np.arange(first, len(times))
     return ImageTrack(
-        camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state
-    )
+        camera=camera, target=target, frame=frame, time_s=times[first:], xy_px=xy, sigma_px=sigma, state=state,
+        box=boxed,
+    )  # fmt: skip
 
 
 def _outlines(box: Box, fixes: Fixes, frames: int) -> Floats:
@@ -300,6 +315,16 @@ def _losses(tracks: tuple[ImageTrack, ...]) -> Iterator[str]:
             yield (
                 f"{track.camera}: {track.target} was last seen on frame {last} ({track.time_s[seen[-1]]:.2f} s) and "
                 f"not found again in the remaining {end - last} frames"
+            )
+
+
+def _by_box(tracks: tuple[ImageTrack, ...]) -> Iterator[str]:
+    for track in tracks:
+        if track.by_box.any():
+            yield (
+                f"{track.camera}: {track.target} shows no lasting surface point in {int(track.by_box.sum())} of "
+                f"{int(track.seen.sum())} fixes; there the middle of its box is given, to "
+                f"{float(np.median(track.sigma_px[track.by_box])):.1f} px"
             )
 
 

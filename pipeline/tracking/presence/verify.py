@@ -15,7 +15,7 @@ from pipeline.tracking.target.track_state import TrackState
 LEAST_AGREEING, LEAST_INSIDE = 0.4, 0.7
 # what (score, share agreeing) may fall below the usual: to learn from, to be found again, to be followed
 TO_LEARN, TO_RETURN, TO_FOLLOW = np.array([0.06, 0.08]), np.array([0.15, 0.2]), np.array([0.3, 0.4])
-NEW_SLACK = 1.6  # of a new target, whose box still holds what is around it
+NEW_SLACK = 1.0  # of a new target, whose box still holds what is around it
 GATE_SIGMAS, GATE_SIZE = 3.5, 0.1  # how far from the prediction a fix may be: sigmas, and share of the target's size
 # a find so close to the prediction (sigmas), so soon after it was lost, need not look so good where the scene behind it
 # looks quite different

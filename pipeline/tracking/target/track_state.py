@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from pipeline.tracking.target.coarse import Coarse
 from pipeline.tracking.target.kinematics import Course
 from pipeline.tracking.target.template import Template, scale_of
 
+FixKind = Literal["surface", "box"]
 WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
 # a find moves over the ground at this share of the speed it had, where that can be told
 SLOWER, LEAST_TOLD_PX = 0.3, 3.0
@@ -19,13 +21,17 @@ SLOWER, LEAST_TOLD_PX = 0.3, 3.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fix:
-    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since."""
+    """A target found in one frame; `linear` (2, 2) is how its first box is turned, scaled and sheared since.
+
+    kind  "surface": a point of the target's surface, to a fraction of a pixel; "box": the middle of its box
+    """
 
     frame: int
     xy_px: tuple[float, float]
     linear: Floats
     sigma_px: float
     score: float
+    kind: FixKind = "surface"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

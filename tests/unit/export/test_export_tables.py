@@ -25,7 +25,7 @@ from pipeline.records import ImageTrack, PoseTrack
 from tests.scenes.export import BUS, VAN, poses, tiny_results, tracks
 
 COLUMNS = {
-    tracks_csv(()): "camera,target,frame,time_s,x_px,y_px,sigma_px,state",
+    tracks_csv(()): "camera,target,frame,time_s,x_px,y_px,sigma_px,state,fix",
     poses_csv(()): "camera,frame,time_s,east_m,north_m,up_m,qw,qx,qy,qz",
     timing_csv(tiny_results()): "camera,offset_s,offset_sigma_s,frame_rate,frame_rate_sigma",
     clock_csv(tiny_results()): "camera,frame,deviation_s,deviation_sigma_s",
@@ -43,7 +43,7 @@ def table(text: str | None) -> pd.DataFrame:
 
 def same_track(one: ImageTrack, other: ImageTrack) -> None:
     assert (one.camera, one.target) == (other.camera, other.target)
-    for name in ("frame", "time_s", "xy_px", "sigma_px", "state"):
+    for name in ("frame", "time_s", "xy_px", "sigma_px", "state", "box"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
@@ -68,7 +68,7 @@ def test_tracks_read_back_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_a_lost_row_has_empty_cells() -> None:
-    assert tracks_csv(tracks()).splitlines()[3].endswith(",2,0.08,,,,lost")
+    assert tracks_csv(tracks()).splitlines()[3].endswith(",2,0.08,,,,lost,")
 
 
 @pytest.mark.parametrize(
