@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 
 from calibration.foundation.errors import InputFileError
+from calibration.foundation.videos import video_name
 from calibration.photos.reading import Photo
 from calibration.picture import Picture
 
@@ -70,7 +71,7 @@ def video_frames(path: Path) -> Iterator[Photo]:
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
-    capture = cv2.VideoCapture(str(path))
+    capture = cv2.VideoCapture(video_name(path))
     if not capture.isOpened():
         raise InputFileError(
             where=str(path),

@@ -13,7 +13,7 @@ def run(arguments: Namespace, console: Console) -> int:
     """Serves the page until it is interrupted."""
     session = LabelSession(arguments.flight, arguments.output)
     server = label_server(session, port=arguments.port)
-    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    address = server.address
     before = arguments.flight.read_bytes()
     console.say(f"label page at {address} (this machine only); end with Ctrl-C")
     if not arguments.no_browser:

@@ -1,6 +1,6 @@
 """The flight file: TOML in, one validated immutable `Flight` out. Unknown keys are refused, nothing is guessed."""
 
-from pipeline.flight.read import read_flight
+from pipeline.flight.read import flight_of, read_flight
 from pipeline.flight.settings import (
     AUTO,
     CAMERA_EVENT,
@@ -23,5 +23,6 @@ __all__ = [
     "StillPose",
     "TargetSettings",
     "VideoArea",
+    "flight_of",
     "read_flight",
 ]

@@ -27,9 +27,12 @@ def read_flight(path: Path) -> Flight:
 
     Raises InputFileError where the file is missing or too large, UsageError for every mistake in it.
     """
-    top = Table(
-        parse_toml(read_bytes(path, expected="a flight file (TOML)", most=LARGEST_BYTES), str(path)), f"{path}:"
-    )
+    return flight_of(read_bytes(path, expected="a flight file (TOML)", most=LARGEST_BYTES), path)
+
+
+def flight_of(raw: bytes, path: Path) -> Flight:
+    """The flight that the text of the file at `path` describes. Raises UsageError for every mistake in it."""
+    top = Table(parse_toml(raw, str(path)), f"{path}:")
     head, solve = top.table("flight"), top.table("solve")
     cameras = _named(top, "cameras", lambda table, name: sections.camera(table, name, path.parent))
     targets = _named(top, "targets", lambda table, name: sections.target(table, name, path.parent))

@@ -12,13 +12,14 @@ import numpy as np
 from calibration.foundation.errors import RunningFixError, UsageError
 from calibration.foundation.files import read_bytes, write_whole
 from pipeline.export import read_tracks_csv
-from pipeline.flight import Flight, read_flight
+from pipeline.flight import Flight, flight_of, read_flight
 from pipeline.label.edit import boxes_swapped, with_box, without_box
 from pipeline.records import STATE_NAMES, Box, ImageTrack
 from pipeline.stages import run_track
 from pipeline.tracking import FrameReader
 
 JPEG_QUALITY, PATIENCE_S = 90, 2.0
+BOM = b"\xef\xbb\xbf"
 
 
 class LabelSession:
@@ -139,16 +140,20 @@ class LabelSession:
         try:
             notes = run_track(self.flight, self.out, progress=tell).warnings
             message = "\n".join((message, *notes))
-        except RunningFixError as error:
-            message = str(error)
+        except Exception as error:  # whatever ends it, the page must not wait for ever
+            message = str(error) if isinstance(error, RunningFixError) else f"tracking failed: {error}"
         with self._changed:
             self._told |= {"running": False, "message": message, "number": self._told["number"] + 1}
             self._changed.notify_all()
 
     def _edit(self, change: Any) -> None:
         with self._editing:
-            text = read_bytes(self.path, expected="a flight file (TOML)").decode()
-            write_whole(self.path, change(text).encode())
+            raw = read_bytes(self.path, expected="a flight file (TOML)")
+            flight_of(raw, self.path)  # a file broken by hand is said, not edited
+            mark, text = (BOM, raw[len(BOM) :]) if raw.startswith(BOM) else (b"", raw)
+            edited = mark + change(text.decode()).encode()
+            flight_of(edited, self.path)
+            write_whole(self.path.resolve(), edited)  # a link stays one
 
     def _check(self, target: str, camera: str, box: Box) -> None:
         reader = self._readers.get(camera)

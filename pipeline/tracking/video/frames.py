@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
+from calibration.foundation.videos import video_name
 from pipeline.tracking.records import VideoTimes
 from pipeline.tracking.video.interlace import is_woven, upper_field
 from pipeline.tracking.video.prefetch import prefetched
@@ -206,18 +207,12 @@ def opened(path: Path, parameters: list[int] | None = None) -> cv2.VideoCapture:
 
     Raises InputFileError where it is none.
     """
-    if not path.is_file():
-        raise InputFileError(
-            where=str(path),
-            seen="no such file" if not path.exists() else "not a file",
-            expected="a video",
-            advice=f"check the name; files are looked for from {path.parent.resolve()}",
-        )
+    name = video_name(path)
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # FFmpeg's own complaints; ours say more
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_ERROR)
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, parameters or [])
+    capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG, parameters or [])
     logging.setLogLevel(level)
     if not capture.isOpened():
         size = path.stat().st_size

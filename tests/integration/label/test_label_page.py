@@ -17,6 +17,7 @@ import pytest
 
 from pipeline.export import read_tracks_csv
 from pipeline.label import LabelSession, label_server, page_text
+from pipeline.records import Box
 from pipeline.synthetic.moving_cars import first_box, render, scene, truth, write
 from tests.integration.report.test_report_browser import BROWSER, browse_address
 
@@ -42,8 +43,8 @@ def rendered(tmp_path_factory):
 
 @pytest.fixture
 def flight(rendered, tmp_path) -> Path:
-    for name in ("one.avi", "two.avi"):
-        (tmp_path / name).hardlink_to(rendered[1])
+    (tmp_path / "one.avi").hardlink_to(rendered[1])
+    (tmp_path / "two.avi").write_bytes(rendered[1].read_bytes() + bytes(8))  # one recording twice would be refused
     path = tmp_path / "flight.toml"
     path.write_text(FLIGHT)
     return path
@@ -60,7 +61,7 @@ def serve(flight):
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
         thread.start()
         running.append((server, thread))
-        return f"http://127.0.0.1:{server.server_address[1]}/"
+        return server.address
 
     yield start
     for server, thread in running:
@@ -145,8 +146,13 @@ def test_a_person_draws_boxes_pairs_them_and_tracks(rendered, flight, serve, tmp
         assert np.abs(track.xy_px[track.seen] - true_px[:FRAMES][track.seen]).max() < 1.0
 
 
-def asked(url: str, body: object = None, **headers: str) -> tuple[int, bytes]:
-    data = None if body is None else json.dumps(body).encode()
+def asked(address: str, path: str = "", body: object = None, *, token: str | None = None, **headers: str):
+    """The answer to a request of the page's, or to one with another secret or other headers."""
+    base, _, own = address.partition("?token=")
+    secret = own if token is None else token
+    data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
+    headers = ({"X-Runningfix": secret} if data is not None else {}) | headers
+    url = f"{base}{path}{'&' if '?' in path else '?'}token={secret}" if data is None else base + path
     try:
         with urllib.request.urlopen(urllib.request.Request(url, data, headers), timeout=120) as answer:
             return answer.status, answer.read()
@@ -155,19 +161,20 @@ def asked(url: str, body: object = None, **headers: str) -> tuple[int, bytes]:
             return error.code, error.read()
 
 
-OURS = {"X-Runningfix": "1"}
-
-
 def test_only_this_page_on_this_machine_is_answered(flight, serve):
     address = serve()
     assert address.startswith("http://127.0.0.1:")
     assert asked(address)[0] == 200
     assert asked(address, Host="evil.example")[0] == 403
     box = {"act": "set", "camera": "uav1", "target": "t", "frame": 0, "box": [5, 5, 20, 20]}
-    assert asked(address + "change", box)[0] == 403
-    assert asked(address + "change", box, Host="evil.example", **OURS)[0] == 403
+    for path in ("", "state", "tracks?camera=uav1", "progress?after=-1", "frame?camera=uav1&index=0"):
+        assert asked(address, path, token="")[0] == 403
+        assert asked(address, path, token="1")[0] == 403
+    assert asked(address, "change", box, token="")[0] == 403
+    assert asked(address, "change", box, token="1")[0] == 403
+    assert asked(address, "change", box, Host="evil.example")[0] == 403
     assert flight.read_text() == FLIGHT
-    assert asked(address + "change", box, **OURS)[0] == 200
+    assert asked(address, "change", box)[0] == 200
     assert flight.read_text() == FLIGHT + "\n[targets.t]\nboxes.uav1 = { frame = 0, box = [5, 5, 20, 20] }\n"
 
 
@@ -187,7 +194,7 @@ def test_only_this_page_on_this_machine_is_answered(flight, serve):
 )
 def test_what_cannot_be_saved_is_said_and_the_file_left(flight, serve, change, said):
     box = {"act": "set", "camera": "uav1", "target": "t", "frame": 0, "box": [5, 5, 20, 20]} | change
-    status, answer = asked(serve() + "change", box, **OURS)
+    status, answer = asked(serve(), "change", box)
     assert status == 400
     assert said in json.loads(answer)["error"]
     assert flight.read_text() == FLIGHT
@@ -197,10 +204,63 @@ def test_frames_are_the_videos_own_in_any_order(rendered, serve):
     address, made = serve(), rendered[0]
     rows = list(islice(render(made), FRAMES))
     for index in (30, 3, 4, 39, 0):
-        status, jpeg = asked(f"{address}frame?camera=uav%202&index={index}")
+        status, jpeg = asked(address, f"frame?camera=uav%202&index={index}")
         assert status == 200
         shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).astype(float)
         off = [np.abs(shown - rows[k]).mean() for k in range(max(0, index - 1), min(FRAMES, index + 2))]
         assert int(np.argmin(off)) + max(0, index - 1) == index
-    assert asked(f"{address}frame?camera=uav1&index=40")[0] == 404
-    assert asked(f"{address}nowhere")[0] == 404
+    assert asked(address, "frame?camera=uav1&index=40")[0] == 404
+    assert asked(address, "nowhere")[0] == 404
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"", b"[]", b"3", b"null", b"\xff\xfe", b"[" * 60_000,
+        b'{"act": "set", "box": [1e999, 0, 9, 9], "frame": 1e999}',
+        b'{"act": "set", "camera": "uav1", "target": "t", "frame": ' + b"9" * 5000 + b', "box": [5, 5, 20, 20]}',
+        b'{"act": "set", "camera": "uav1", "target": "' + b"t" * 5000 + b'", "frame": 0, "box": [5, 5, 20, 20]}',
+        b'{"act": "set", "camera": "uav1", "target": "a\\nb", "frame": 0, "box": [5, 5, 20, 20]}',
+        b'{"act": "set", "camera": ["uav1"], "target": {}, "frame": 0, "box": {}}',
+    ],
+)  # fmt: skip
+def test_bad_requests_are_survived_and_the_file_left(flight, serve, body):
+    address = serve()
+    status, answer = asked(address, "change", body)
+    assert status in (400, 403)
+    assert status == 403 or json.loads(answer)["error"]
+    assert flight.read_text() == FLIGHT
+    assert asked(address, "state")[0] == 200
+    for path in (
+        "frame?camera=uav1&index=" + "9" * 400,
+        "frame?camera=%ff&index=0",
+        "progress?after=x",
+        "tracks?camera=",
+    ):
+        assert asked(address, path)[0] in (200, 404)
+
+
+def test_a_file_broken_by_hand_is_said_and_left(flight, serve):
+    address = serve()
+    box = {"act": "set", "camera": "uav1", "target": "t", "frame": 0, "box": [5, 5, 20, 20]}
+    for broken in (FLIGHT + "[targets.", "targets = 3\n" + FLIGHT, "\x00"):
+        flight.write_text(broken)
+        for status, answer in (asked(address, "change", box), asked(address, "state")):
+            assert status == 400
+            assert "flight.toml" in json.loads(answer)["error"]
+        assert flight.read_text() == broken
+
+
+def test_links_marks_and_permissions_stay(flight, tmp_path):
+    kept = tmp_path / "kept.toml"
+    kept.write_bytes(b"\xef\xbb\xbf" + FLIGHT.encode())
+    kept.chmod(0o640)
+    flight.unlink()
+    flight.symlink_to(kept)
+    session = LabelSession(flight, tmp_path / "out")
+    session.set_box("t", "uav1", Box(frame=0, x=5, y=5, width=20, height=20))
+    session.close()
+    assert flight.is_symlink()
+    assert kept.stat().st_mode & 0o777 == 0o640
+    assert kept.read_bytes().startswith(b"\xef\xbb\xbf" + FLIGHT.encode())
+    assert "[targets.t]" in kept.read_text("utf-8-sig")
