@@ -12,6 +12,7 @@ import numpy as np
 
 from calibration.boards.board import Board
 from calibration.boards.view import BoardView
+from calibration.detection.charuco_mistakes import why_not_found, wrong_marker
 from calibration.detection.find import find_board, looks_like
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError, UsageError
@@ -45,6 +46,7 @@ def calibrate_files(
     _refuse_wrong_count(files, board)
     found, missing = find_views(files, board, progress)
     _refuse_mirrored(files, board, found)
+    _refuse_other_charuco(files, board, found)
     _refuse_absent(board, found, missing)
     _refuse_mixed_cameras(found)
     rejected = [RejectedView(name=name, reason="the board was not found") for name in missing]
@@ -163,6 +165,16 @@ def _refuse_mirrored(files: PhotoFiles, board: Board, found: Sequence[BoardView]
             expected="photos as the sensor saw them, of a board printed as it is",
             advice="switch off the camera's mirroring (selfie mode); if the board was printed mirrored, print it again",
         )
+
+
+def _refuse_other_charuco(files: PhotoFiles, board: Board, found: Sequence[BoardView]) -> None:
+    """Raises UsageError where the markers say that the board is another than was described."""
+    if board.marker_m is None:
+        return
+    asked = [photo.gray for photo in _some_photos(files)]
+    mistake = wrong_marker(asked[:2], board) if found else why_not_found(asked[:2], board)
+    if mistake is not None:
+        raise UsageError(where=mistake.where, seen=mistake.seen, expected=mistake.expected, advice=mistake.advice)
 
 
 def _refuse_absent(board: Board, found: Sequence[BoardView], missing: Sequence[str]) -> None:

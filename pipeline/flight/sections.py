@@ -103,7 +103,16 @@ SIGMA_KEYS = (
     Key("pixel", keys.number(low=0, above=True), "pixel_px"),
     *(
         Key(name, keys.number(low=0))
-        for name in ("position_bias_m", "position_m", "offset_s", "frame_rate", "focal", "start_s")
+        for name in (
+            "position_bias_m",
+            "position_m",
+            "offset_s",
+            "frame_rate",
+            "focal",
+            "start_s",
+            "attitude_tau_s",
+            "position_tau_s",
+        )
     ),
 )
 """One standard deviation each. Those given stand in `CameraSettings.sigma` under the setting's name."""
@@ -160,7 +169,7 @@ def boxes(table: Table, key: str, folder: Path) -> dict[str, Box]:
 
 TARGET_KEYS = (
     Key("boxes", boxes),
-    Key("motion", keys.choice(("polynomial", "spline"), "polynomial")),
+    Key("motion", keys.choice(("auto", "polynomial", "spline"), "auto")),
     Key("order", keys.choice((*range(6), "auto"), "auto")),
 )
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Box, TrackerName
-from pipeline.records.motion import MotionKind
+from pipeline.records.motion import MotionAsked
 from pipeline.records.problem import ClockKind, Method, Robust
 
 Vector = tuple[float, float, float]
@@ -87,10 +87,10 @@ class CameraSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetSettings:
-    """One `[targets.NAME]` table; `boxes` by camera."""
+    """One `[targets.NAME]` table; `boxes` by camera. An `order` that is given means a polynomial."""
 
     name: str
-    motion: MotionKind = "polynomial"
+    motion: MotionAsked = "auto"
     order: int | Literal["auto"] = "auto"
     boxes: Mapping[str, Box] = field(default_factory=dict)
 

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from calibration.foundation.arrays import Floats, frozen, settle
 
 MotionKind = Literal["polynomial", "spline"]
+MotionAsked = Literal["auto", "polynomial", "spline"]
+"""What a user may ask for; "auto" lets the data say."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -71,7 +71,8 @@ class InstrumentSigma:
     """What a camera's instruments are worth: one sigma per axis, zero holds the value.
 
     attitude_bias_rad, position_bias_m  constant over the flight
-    attitude_rad, position_m            independent from frame to frame
+    attitude_rad, position_m            moving: new in every frame, or lasting
+    attitude_tau_s, position_tau_s      e-folding time of the moving part; 0: new in every frame, None: let the data say
     pixel_px                            where a track says nothing
     offset_s                            of the first guess of the time offset; None: nothing is known, no prior
     frame_rate, focal                   relative
@@ -87,3 +88,5 @@ class InstrumentSigma:
     frame_rate: float = 0.01
     focal: float = 0.0
     start_s: float = 0.0
+    attitude_tau_s: float | None = None
+    position_tau_s: float | None = None

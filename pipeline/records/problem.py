@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calibration.foundation.arrays import Floats
-from pipeline.records.motion import MotionKind
+from pipeline.records.motion import MotionAsked
 from pipeline.records.poses import InstrumentSigma, PoseTrack
 from pipeline.records.rays import SightRays
 
@@ -47,11 +47,16 @@ class CameraInput:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetInput:
-    """One target: its name and how it may move. `order` "auto" lets the data say."""
+    """One target: its name and how it may move; "auto" lets the data say. An `order` given means a polynomial."""
 
     target: str
-    motion: MotionKind = "polynomial"
+    motion: MotionAsked = "auto"
     order: int | Literal["auto"] = "auto"
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether the data shall say how it moves, or of which order."""
+        return self.motion != "spline" and self.order == "auto"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,8 +18,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
+from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.compiled import announced
-from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
+from calibration.foundation.errors import GeometryError
+from pipeline.records import Finding, OffsetCandidate, PoseTrack, Problem, Solution, SolverSettings
+from pipeline.records.problem import PoseAt
 from pipeline.solver.adjustment import compiled_descent
 from pipeline.solver.adjustment.assembly import linear
 from pipeline.solver.adjustment.banded_system import factorise
@@ -33,11 +38,14 @@ from pipeline.solver.methods.parameters import FIRST_ORDER, first_camera, first_
 from pipeline.solver.methods.results import Outcome, solution_of
 from pipeline.solver.methods.triangulation import triangulate
 from pipeline.solver.observability.findings import find_degeneracies
+from pipeline.solver.observability.magnitudes import check_magnitudes
 from pipeline.solver.observation.observations import Frames, metric, pack, with_poses_of
 from pipeline.solver.offset_search.views import views
 from pipeline.solver.uncertainty.covariance import Inverse
 
 LI_ROUNDS = 500
+LOW_WEIGHT, FIFTH = 0.5, 0.2
+"""Weight below which a sighting hardly counts, and the share of them from which on that is said."""
 EARLY = 1e-3
 """Relative change of the cost that ends `algorithm-2`; see `start.pose_errors`."""
 Finish = Callable[[], Outcome]
@@ -64,6 +72,88 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     Raises GeometryError where the sightings cannot determine the answer; what a prior decides is a finding. Not
     converging is a status, not an error.
     """
+    check_magnitudes(problem)
+    left: list[Finding] = []
+    while True:
+        try:
+            solution = _safely(problem, settings, progress)
+            return replace(solution, findings=(*left, *solution.findings))
+        except GeometryError as error:
+            name = next((t.target for t in problem.targets if error.where == f"target {t.target}"), None)
+            smaller = None if name is None else without_target(problem, name)
+            if name is None or smaller is None:
+                raise
+            left.append(_left_out(name, error))
+            problem = smaller
+
+
+def _left_out(target: str, error: GeometryError) -> Finding:
+    return Finding(
+        kind="target-left-out",
+        subject=target,
+        words=f"{target} is left out, the others are solved: {error.seen}; expected {error.expected}",
+        carried_by=error.advice,
+    )
+
+
+def without_target(problem: Problem, target: str) -> Problem | None:
+    """The problem without one target, and without cameras that see nothing else; None where nothing is left."""
+    targets = tuple(t for t in problem.targets if t.target != target)
+    cameras = []
+    for camera in problem.cameras:
+        rays = camera.rays
+        names = tuple(name for name in rays.targets if name != target)
+        place = np.array([names.index(name) if name in names else -1 for name in rays.targets], dtype=np.int64)
+        kept = np.array([name != target for name in rays.targets], dtype=bool)[rays.target]
+        if kept.any():
+            frame = np.unique(rays.frame[kept])
+            rows = np.isin(camera.poses.frame, frame)
+            poses = replace(
+                camera.poses, frame=camera.poses.frame[rows], time_s=camera.poses.time_s[rows],
+                position_enu_m=camera.poses.position_enu_m[rows], enu_from_cam=camera.poses.enu_from_cam[rows],
+            )  # fmt: skip
+            fewer = replace(
+                rays, targets=names, target=place[rays.target[kept]], frame=rays.frame[kept], time_s=rays.time_s[kept],
+                direction_cam=rays.direction_cam[kept], pixel_from_ray=rays.pixel_from_ray[kept],
+                sigma_px=rays.sigma_px[kept],
+                focal_effect=None if rays.focal_effect is None else rays.focal_effect[kept],
+            )  # fmt: skip
+            at = None if camera.poses_at is None else _at_rows(camera.poses_at, rows)
+            cameras.append(replace(camera, rays=fewer, poses=poses, poses_at=at))
+    known = any(c.camera == problem.reference_camera for c in cameras)
+    return replace(problem, cameras=tuple(cameras), targets=targets) if targets and known else None
+
+
+def _at_rows(poses_at: PoseAt, rows: Bools) -> PoseAt:
+    """The same poses at moved times, of some of the frames."""
+
+    def at(shift_s: Floats) -> PoseTrack:
+        whole = np.full(len(rows), float(np.median(shift_s)) if len(shift_s) else 0.0)
+        whole[rows] = shift_s
+        found = poses_at(whole)
+        return replace(
+            found, frame=found.frame[rows], time_s=found.time_s[rows], position_enu_m=found.position_enu_m[rows],
+            enu_from_cam=found.enu_from_cam[rows],
+        )  # fmt: skip
+
+    return at
+
+
+def _safely(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
+    """`_solved`, whose mathematics may find no finite answer."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return _solved(problem, settings, progress)
+    except (np.linalg.LinAlgError, FloatingPointError, OverflowError, ZeroDivisionError) as error:
+        raise GeometryError(
+            where=f"method {settings.method}",
+            seen=f"equations that have no finite answer ({error})",
+            expected="sightings and sigmas that determine motions, clocks and poses together",
+            advice="look for cameras in one place, sigmas far larger than the scene, clocks that never meet",
+        ) from error
+
+
+def _solved(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
     seen = views(problem)
     find_degeneracies(problem, settings, seen=seen)
     frames = pack(problem)
@@ -79,7 +169,19 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     covariance = solution.shared_covariance
     shared = None if covariance is None else (solution.shared_names, covariance)
     left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared)
-    return replace(solution, findings=(*solution.findings, *left_open))
+    return replace(solution, findings=(*solution.findings, *left_open, *_low_weights(solution)))
+
+
+def _low_weights(solution: Solution) -> tuple[Finding, ...]:
+    """A finding for every camera of whose sightings more than a fifth hardly count."""
+    names, low = np.array(solution.sightings.camera), solution.sightings.weight < LOW_WEIGHT
+    found = []
+    for name in dict.fromkeys(solution.sightings.camera):
+        share = float(low[names == name].mean())
+        if share > FIFTH:
+            words = f"{100 * share:.0f} % of the sightings of {name} hardly count (weight below {LOW_WEIGHT})"
+            found.append(Finding(kind="low-weights", subject=name, words=words))
+    return tuple(found)
 
 
 COMPILED = 26
@@ -134,7 +236,9 @@ def _algorithm(asked: Asked) -> Finish:
 def _paper_start(asked: Asked, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> tuple[Model, State]:
     """A model with the paper's residual in metres, at these clocks."""
     camera = first_camera(asked.problem, offset_s, rate)
-    return first_model(asked.problem, asked.settings, metric(asked.frames), first_choice(asked.problem), camera)
+    return first_model(
+        asked.problem, asked.settings, metric(asked.frames), first_choice(asked.problem, asked.settings.method), camera
+    )
 
 
 def _paper_outcome(asked: Asked, fit: Fit) -> Outcome:
@@ -160,7 +264,7 @@ def _assumed_orders(problem: Problem) -> tuple[Finding, ...]:
             words=f"{t.target} is given a motion of order {FIRST_ORDER}: only map can choose one",
         )
         for t in problem.targets
-        if t.motion == "polynomial" and t.order == "auto"
+        if t.is_asked
     )
 
 

@@ -51,7 +51,7 @@ def _plainly(problem: Problem, settings: SolverSettings, frames: Frames) -> tupl
     model, state = _begun(problem, settings, frames)
     offsets = state.camera[:, OFFSET].copy()
     began = time.perf_counter()
-    sights = sights_of(frames, list(first_choice(problem).orders))
+    sights = sights_of(frames, list(first_choice(problem, "li").orders))
     offset_s, rounds, rests = iterated(sights, offsets, settings.max_iterations)
     seconds = time.perf_counter() - began
     camera = state.camera.copy()
@@ -65,7 +65,7 @@ def _plainly(problem: Problem, settings: SolverSettings, frames: Frames) -> tupl
 
 def _begun(problem: Problem, settings: SolverSettings, frames: Frames) -> tuple[Model, State]:
     camera = first_camera(problem, given_offsets(problem), {})
-    return first_model(problem, settings, metric(frames), first_choice(problem), camera)
+    return first_model(problem, settings, metric(frames), first_choice(problem, "li"), camera)
 
 
 def _outcome(fit: Fit, frames: Frames) -> Outcome:

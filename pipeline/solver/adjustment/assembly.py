@@ -18,6 +18,7 @@ from pipeline.solver.adjustment.elimination import At, BlockNormals, block_norma
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
 from pipeline.solver.observation.clocks import FOCAL, common_time_s
 from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks, partition
+from pipeline.solver.observation.pose_wander import wander_penalty
 
 CHUNK_BLOCKS = 4096
 """Blocks whose normal equations are held at once; one of four targets with splines takes 28 kB."""
@@ -58,10 +59,15 @@ class Linear:
 def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[Blocks, At]:
     """The blocks at a point's clocks, and the point as the elimination wants it."""
     time = common_time_s(model.frames, model.drift, state.camera, state.deviation)
-    blocks = partition(model.frames, model.basis, model.drift, time, state.camera, state.deviation, cluster)
+    blocks = partition(
+        model.frames, model.basis, model.drift, time, state.camera, state.deviation, cluster, model.wander
+    )
+    bias = state.camera[blocks.camera, :6]
+    if model.wander is not None:
+        bias = bias + model.wander.at(state.wander, blocks.begin[:-1])
     at = At(
         series=model.basis.series(blocks.span, state.coefficients),
-        bias=np.ascontiguousarray(state.camera[:, :6]),
+        bias=np.ascontiguousarray(bias),
         focal=np.ascontiguousarray(state.camera[:, FOCAL]),
         own=state.own,
         camera=state.camera,
@@ -96,8 +102,9 @@ def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
         blocks, begin=blocks.begin[low : high + 1], camera=blocks.camera[own], span=blocks.span[own],
         segment=blocks.segment[own], cluster=blocks.cluster[own], half_s=blocks.half_s[own],
         local_from_camera=blocks.local_from_camera[own],
+        wander=None if blocks.wander is None else blocks.wander[own],
     )  # fmt: skip
-    return part, replace(at, series=at.series[own])
+    return part, replace(at, series=at.series[own], bias=at.bias[own])
 
 
 def global_places(model: Model, blocks: Blocks) -> Ints:
@@ -111,7 +118,13 @@ def global_places(model: Model, blocks: Blocks) -> Ints:
     drifting = blocks.segment >= 0
     if drifting.any():
         knots[drifting] = order.drift[blocks.segment[drifting][:, None] + np.arange(2)]
-    return np.concatenate([*parts, knots], axis=1)
+    parts.append(knots)
+    if blocks.wander is not None:
+        wander = np.full((len(blocks.camera), 12), -1, dtype=np.int64)
+        inside = blocks.wander >= 0
+        wander[inside] = order.wander[blocks.wander[inside][:, None] + np.arange(2)].reshape(-1, 12)
+        parts.append(wander)
+    return np.concatenate(parts, axis=1)
 
 
 def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floats:
@@ -191,10 +204,26 @@ def add_priors(model: Model, state: State, data: Bordered) -> tuple[Bordered, fl
             corner[np.ix_(place - n, place - n)] += matrix
             gradient[place] += pulled
             cost += 0.5 * float(pulled @ state.deviation[model.drift.of(c)])
+    if model.wander is not None:
+        cost += _add_wander(model, state, corner, gradient)
     if model.motion_free:
         for t in range(len(model.basis.targets)):
             cost += _add_jerk(model, state, t, band, gradient)
     return Bordered(band=band, border=data.border, corner=corner, gradient=gradient), cost
+
+
+def _add_wander(model: Model, state: State, corner: Floats, gradient: Floats) -> float:
+    """Adds the Gauss-Markov priors of wandering poses to the corner and the gradient in place; returns their cost."""
+    wander, n, cost = model.wander, model.order.n_band, 0.0
+    assert wander is not None
+    for c in range(len(model.frames.cameras)):
+        for axis in np.flatnonzero(wander.sigma[c] > 0) if wander.of(c).stop > wander.of(c).start else ():
+            matrix, place = wander_penalty(wander, c, int(axis)), model.order.wander[wander.of(c), axis]
+            value = state.wander[wander.of(c), axis]
+            corner[np.ix_(place - n, place - n)] += matrix
+            gradient[place] += matrix @ value
+            cost += 0.5 * float(value @ matrix @ value)
+    return cost
 
 
 def _add_jerk(model: Model, state: State, t: int, band: Floats, gradient: Floats) -> float:
@@ -230,6 +259,7 @@ def moved(model: Model, here: Linear, step: Floats) -> State:
         camera=state.camera + part(order.camera),
         deviation=state.deviation + part(order.drift),
         own=own,
+        wander=state.wander + part(order.wander),
     )
 
 

@@ -25,7 +25,8 @@ ANY = 1 << 62
 def is_dense(model: Model) -> bool:
     """Whether the compiled steps know the model: one span of motion, no clock that drifts."""
     one_span = len(model.basis.grid_s) == 2 and model.order.n_band == 0 and model.drift.count == 0
-    return bool(_kernels.AVAILABLE and one_span)
+    settled = model.wander is None or model.wander.count == 0
+    return bool(_kernels.AVAILABLE and one_span and settled)
 
 
 @dataclass(eq=False)

@@ -82,7 +82,7 @@ class Loss:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class At:
-    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (C, 6), `focal` (C,), `own` (F, 6).
+    """Where to linearise: `series` (B, N, 3, K + 1), `bias` (B, 6) of every block, `focal` (C,), `own` (F, 6).
 
     camera (C, W): the cameras' parameters, of which the place errors are taken
     """
@@ -152,7 +152,7 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
     part = slice(int(blocks.begin[low]), int(blocks.begin[high]))
     block, camera = _frame_index(blocks, low, high), frames.camera[part]
     position, velocity = _target_motion(at.series[block], blocks.u[part], blocks.half_s[block])
-    error = at.bias[camera] + pose.spread[camera] * at.own[part]
+    error = at.bias[block] + pose.spread[camera] * at.own[part]
     found = linearise(frames, part, position, error, at.focal[camera])
     residual = found.residual
     if at.placed and frames.angular:
@@ -246,7 +246,11 @@ def block_normals(
         return block_normals_plain(frames, pose, loss, at, blocks)
     kept = kept_room(frames, blocks.begin, at.placed, KEPT_NUMBERS if pose.free and keep else 0)
     normal, gradient, cost, gain = _kernels.block_normals(
-        observed_of(frames, at.placed), loosely_of(pose, loss), _runs(blocks), _point(frames, at), kept
+        observed_of(frames, at.placed),
+        loosely_of(_by_block(pose, blocks), loss),
+        _runs(blocks),
+        _point(frames, at, blocks),
+        kept,
     )
     return BlockNormals(normal=normal, gradient=gradient, cost=cost, frame_gain=gain, kept=kept if len(kept) else None)
 
@@ -282,8 +286,9 @@ def frame_steps(
         return np.zeros((frames.count, 6))
     if not _kernels.AVAILABLE:
         return frame_steps_plain(frames, pose, loss, at, blocks, step)
+    pose = _by_block(pose, blocks)
     observed, weights = observed_of(frames, at.placed), loosely_of(pose, loss)
-    point, runs = _point(frames, at), _runs(blocks)
+    point, runs = _point(frames, at, blocks), _runs(blocks)
     rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
     if kept is not None:
         _kernels.kept_steps(kept, rated, at.placed, pose.spread, runs, at.series, step, out, out)
@@ -300,7 +305,8 @@ def frame_steps(
 def squared_lengths(frames: Frames, pose: PoseError, at: At, blocks: Blocks) -> Floats:
     """(F, N) squared residuals in sigmas, whatever the loss; zero where unseen. Compiled only."""
     out = np.empty(frames.seen.shape)
-    _kernels.squared_lengths(observed_of(frames, at.placed), pose.spread, _runs(blocks), _point(frames, at), out)
+    point, spread = _point(frames, at, blocks), pose.spread[blocks.camera]
+    _kernels.squared_lengths(observed_of(frames, at.placed), spread, _runs(blocks), point, out)
     return out
 
 
@@ -318,11 +324,16 @@ def loosely_of(pose: PoseError, loss: Loss) -> Loosely:
     return Loosely(pose.spread, pose.prior, float(pose.damping), loss.kind, float(loss.bend))
 
 
+def _by_block(pose: PoseError, blocks: Blocks) -> PoseError:
+    """To the compiled code every block is a camera of its own, since pose errors may differ from block to block."""
+    return PoseError(spread=pose.spread[blocks.camera], prior=pose.prior[blocks.camera], damping=pose.damping)
+
+
 def _runs(blocks: Blocks) -> Runs:
-    return Runs(blocks.begin, blocks.camera, blocks.u, blocks.half_s)
+    return Runs(blocks.begin, np.arange(len(blocks.camera)), blocks.u, blocks.half_s)
 
 
-def _point(frames: Frames, at: At) -> Point:
+def _point(frames: Frames, at: At, blocks: Blocks) -> Point:
     """Metric residuals are not shifted by place errors."""
     if not at.placed:
         shift = np.zeros((0, len(frames.targets), 2))
@@ -330,4 +341,4 @@ def _point(frames: Frames, at: At) -> Point:
         shift = place_shift(frames, slice(None), at.camera)
     else:
         shift = np.zeros((frames.count, len(frames.targets), 2))
-    return Point(at.series, at.bias, at.focal, at.own, shift)
+    return Point(at.series, at.bias, at.focal[blocks.camera], at.own, shift)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from pipeline.solver.adjustment.elimination import Loss, PoseError
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, Drift, common_time_s
 from pipeline.solver.observation.motion_basis import MotionBasis, jerk_rows
 from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.pose_wander import PoseWander, wander_penalty
 from pipeline.solver.observation.residuals import linearise, place_shift
 
 CHUNK_FRAMES = 16384
@@ -21,12 +22,16 @@ DRIFT_CENTRED_S = 1e-4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """One point: `coefficients` (P, 3), `camera` (C, W), `deviation` (D,), frames' pose errors `own` (F, 6)."""
+    """One point: `coefficients` (P, 3), `camera` (C, W), `deviation` (D,), frames' pose errors `own` (F, 6).
+
+    wander (K, 6): pose errors at the knots of cameras whose poses wander
+    """
 
     coefficients: Floats
     camera: Floats
     deviation: Floats
     own: Floats
+    wander: Floats = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +55,7 @@ class Priors:
 class Order:
     """Where every unknown sits in the vector: first the band (spline coefficients by time), then the border.
 
-    coefficient (P, 3), camera (C, 10), drift (D,): places, -1 where held
+    coefficient (P, 3), camera (C, 10), drift (D,), wander (K, 6): places, -1 where held
     """
 
     coefficient: Ints
@@ -59,6 +64,7 @@ class Order:
     n_band: int
     n_border: int
     width: int
+    wander: Ints = field(default_factory=lambda: np.zeros((0, 6), dtype=np.int64))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,13 +80,15 @@ class Model:
     order: Order
     motion_free: bool = True
     drift_free: bool = True
+    wander: PoseWander | None = None
 
     def changed(self, **values: object) -> Model:
         """The same with other parts; the order of the unknowns is made anew."""
         other = replace(self, **values)  # type: ignore[arg-type]
         order = order_unknowns(
-            other.basis, other.drift, other.priors, motion_free=other.motion_free, drift_free=other.drift_free
-        )
+            other.basis, other.drift, other.priors, motion_free=other.motion_free, drift_free=other.drift_free,
+            wander=other.wander,
+        )  # fmt: skip
         return replace(other, order=order)
 
 
@@ -98,7 +106,10 @@ def build_model(
 NO_PLACES: Ints = np.empty(0, dtype=np.int64)
 
 
-def order_unknowns(basis: MotionBasis, drift: Drift, priors: Priors, *, motion_free: bool, drift_free: bool) -> Order:
+def order_unknowns(
+    basis: MotionBasis, drift: Drift, priors: Priors, *, motion_free: bool, drift_free: bool,
+    wander: PoseWander | None = None,
+) -> Order:  # fmt: skip
     """Spline coefficients of all targets by their time in the band; everything else in the border."""
     coefficient = np.full((basis.count, 3), -1, dtype=np.int64)
     when, rows = [], []
@@ -126,8 +137,16 @@ def order_unknowns(basis: MotionBasis, drift: Drift, priors: Priors, *, motion_f
     if drift.count:
         drifts = np.full(drift.count, -1, dtype=np.int64)
         drifts[:knots] = n_band + n_border + np.arange(knots)
+    n_border += knots
+    wanders = np.full((0 if wander is None else wander.count, 6), -1, dtype=np.int64)
+    if wander is not None:
+        for c in range(len(priors.camera_free)):
+            wanders[wander.of(c), wander.sigma[c] > 0] = 0
+        n_free = int((wanders == 0).sum())
+        wanders[wanders == 0] = n_band + n_border + np.arange(n_free)
+        n_border += n_free
     return Order(
-        coefficient=coefficient, camera=camera, drift=drifts, n_band=n_band, n_border=n_border + knots,
+        coefficient=coefficient, camera=camera, drift=drifts, wander=wanders, n_band=n_band, n_border=n_border,
         width=_band_width(basis, coefficient, n_band),
     )  # fmt: skip
 
@@ -161,6 +180,26 @@ def drift_penalty(drift: Drift, camera: int, rate: float) -> Floats:
     return np.asarray(step.T @ step + level.T @ level)
 
 
+def pose_error(model: Model, state: State, rows: slice | Ints) -> Floats:
+    """(n, 6) what the measured poses of the frames `rows` are wrong by: constant, wandering, their own."""
+    camera = model.frames.camera[rows]
+    error = state.camera[camera, :6] + model.pose.spread[camera] * state.own[rows]
+    return error if model.wander is None else error + model.wander.at(state.wander, rows)
+
+
+def wander_square(model: Model, state: State) -> float:
+    """Squared prior residuals of wandering poses."""
+    if model.wander is None:
+        return 0.0
+    total = 0.0
+    for c in range(len(model.frames.cameras)):
+        own = model.wander.of(c)
+        for axis in np.flatnonzero(model.wander.sigma[c] > 0) if own.stop > own.start else ():
+            value = state.wander[own, axis]
+            total += float(value @ wander_penalty(model.wander, c, int(axis)) @ value)
+    return total
+
+
 def residuals_of(frames: Frames, part: slice, model: Model, state: State) -> Floats:
     """(n, N, 2): residuals of the frames `part` at a point, as `frames` measures them; place errors are in pixels."""
     time = common_time_s(frames, model.drift, state.camera, state.deviation)
@@ -174,7 +213,7 @@ def residuals_of(frames: Frames, part: slice, model: Model, state: State) -> Flo
 
 def _residuals(frames: Frames, part: slice, model: Model, state: State, time_s: Floats) -> Floats:
     camera = frames.camera[part]
-    error = state.camera[camera, :6] + model.pose.spread[camera] * state.own[part]
+    error = pose_error(model, state, part)
     position = model.basis.position(time_s, state.coefficients)
     found = linearise(frames, part, position, error, state.camera[camera, FOCAL]).residual
     if state.camera.shape[1] > CAMERA_PARAMETERS and frames.angular:

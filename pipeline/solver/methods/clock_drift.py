@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import Finding, Problem
-from pipeline.solver.adjustment.model import Model, State, residuals_of
+from pipeline.solver.adjustment.model import Model, State, pose_error, residuals_of
 from pipeline.solver.observation.clocks import FOCAL, Drift, common_time_s, drift_knots
 from pipeline.solver.observation.residuals import linearise
 
@@ -44,7 +44,7 @@ def agreement(model: Model, state: State, camera: int) -> Agreement | None:
     position = model.basis.position(time, state.coefficients)
     ahead, behind = (model.basis.position(time + s, state.coefficients) for s in (STEP_S, -STEP_S))
     velocity = (ahead - behind) / (2 * STEP_S)
-    error = state.camera[camera, :6] + model.pose.spread[camera] * state.own[part]
+    error = pose_error(model, state, part)
     found = linearise(frames, part, position, error, np.full(len(time), state.camera[camera, FOCAL]))
     residual = residuals_of(frames, part, model, state)
     by_time = (found.by_position @ velocity[..., None])[..., 0]

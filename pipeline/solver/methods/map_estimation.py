@@ -17,12 +17,23 @@ from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
+from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.clock_drift import drifting, with_drift
-from pipeline.solver.methods.initialisation import best_start, cleared, left_out, residuals, statistical_start
-from pipeline.solver.methods.model_selection import choose_orders
-from pipeline.solver.methods.parameters import first_choice
+from pipeline.solver.methods.initialisation import (
+    TRIED,
+    best_start,
+    cleared,
+    left_out,
+    residual_lengths,
+    residuals,
+    statistical_start,
+)
+from pipeline.solver.methods.model_selection import choose_motions
+from pipeline.solver.methods.parameters import BEND, first_choice
+from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
 from pipeline.solver.methods.results import Outcome
 from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
+from pipeline.solver.methods.wandering_poses import with_wandering_poses
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.uncertainty.clusters import clusters
 from pipeline.solver.uncertainty.covariance import Inverse, sandwich
@@ -32,6 +43,12 @@ ROUNDS, SETTLED = 4, 0.05
 WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
 """Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
 still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
+
+
+MANY_OUTLIERS = 0.1
+"""Share of sightings beyond twice where Huber's loss bends from which on Cauchy's takes its place, where the median
+sighting fits (`FITTING` sigmas): twice as many bias what Huber's finds by about a sigma of one sighting."""
+FITTING = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,27 +66,57 @@ def adjust(
 ) -> Adjusted:  # fmt: skip
     """The whole of `map` up to the optimum, from the offsets `found`."""
     descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renewing(problem))
-    choice = first_choice(problem)
+    choice = first_choice(problem, settings.method)
     small = ROUGHLY if "spline" in choice.kinds else SMALL
 
     def begin(candidate: OffsetCandidate, iterations: int) -> Fit:
         model, state = statistical_start(problem, settings, frames, choice, candidate)
         return cleared(model, state, replace(descent, max_iterations=iterations), small)
 
+    asked = any(t.is_asked for t in problem.targets)
+
+    def warm(model: Model, state: State) -> Fit:
+        return levenberg_marquardt(model, state, replace(descent, damping=WARM), small=ROUGHLY)
+
+    def finely(model: Model, state: State) -> Fit:
+        return levenberg_marquardt(model, state, replace(descent, damping=WARM))
+
+    def settle(fit: Fit) -> Settled:
+        if fit.status == "iteration-limit" and len(found) > 1:
+            fit = continued(fit, descent)
+        fit, outliers = with_bounded_loss(fit, settings, descent)
+        fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
+        fit, clocks = with_drifting_clocks(problem, fit, descent)
+        fit, wanders = with_wandering_poses(problem, fit, warm)
+        chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]))
+        fit = with_estimated_priors(chosen.fit, descent)
+        if has_estimated_priors(fit):
+            fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
+        return Settled(fit=fit, findings=(*outliers, *chosen.findings, *clocks, *wanders))
+
+    beginning = Beginning(
+        problem=problem, settings=settings, frames=frames, choice=choice, descent=descent, small=small
+    )
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
-    if fit.status == "iteration-limit" and len(found) > 1:
-        fit = continued(fit, descent)
-    choice, fit, reasons = choose_orders(
-        problem, choice, fit, lambda model, state: levenberg_marquardt(model, state, descent)
-    )
-    fit = with_estimated_priors(fit, descent, rounds=1)
-    fit, clocks = with_drifting_clocks(problem, fit, descent)
-    fit = with_estimated_priors(fit, descent)
-    if has_estimated_priors(fit):
-        fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
+    settled, restarts = best_of(settle(fit), beginning, found[:1], found[TRIED:], settle)
     return Adjusted(
-        fit=fit, findings=(*ambiguous, *reasons, *clocks, *left_out(frames, fit.model.frames)), candidates=ranked
-    )
+        fit=settled.fit, candidates=ranked,
+        findings=(*ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames)),
+    )  # fmt: skip
+
+
+def with_bounded_loss(fit: Fit, settings: SolverSettings, descent: Descent) -> tuple[Fit, tuple[Finding, ...]]:
+    """With Cauchy's loss instead of Huber's where many sightings are far off: Huber's lets each of them pull on."""
+    if settings.robust != "huber":
+        return fit, ()
+    length = residual_lengths(fit.model, fit.state)
+    share = float((length > 2 * fit.model.loss.bend).mean())
+    if share < MANY_OUTLIERS or np.median(length) > FITTING:
+        return fit, ()
+    bounded = levenberg_marquardt(replace(fit.model, loss=BEND["cauchy"]), fit.state, descent)
+    words = f"{100 * share:.0f} % of the sightings are outliers, so that Cauchy's loss is taken instead of Huber's"
+    again = replace(bounded, iterations=fit.iterations + bounded.iterations)
+    return again, (Finding(kind="many-outliers", subject="", words=words, carried_by="solve.robust"),)
 
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
@@ -83,7 +130,7 @@ def has_estimated_priors(fit: Fit) -> bool:
     return fit.model.drift.count > 0 or any(t.kind != "polynomial" for t in fit.model.basis.targets)
 
 
-def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> Fit:
+def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS, *, even: bool = False) -> Fit:
     """Rounds of estimating how strong the priors of splines and drifting clocks are, and of roughly adjusting."""
     if not has_estimated_priors(fit):
         return fit
@@ -92,7 +139,7 @@ def with_estimated_priors(fit: Fit, descent: Descent, rounds: int = ROUNDS) -> F
         if factor is None:
             return fit
         covariance = Inverse(factor=factor)
-        jerk = renewed_jerk(fit.model, fit.state, covariance)
+        jerk = renewed_jerk(fit.model, fit.state, covariance, even=even)
         walk = renewed_walk(fit.model, fit.state, covariance)
         before = np.concatenate([fit.model.priors.jerk.ravel(), fit.model.priors.drift_rate])
         stronger = replace(fit, model=with_strengths(fit.model, jerk, walk))

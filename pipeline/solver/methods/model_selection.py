@@ -1,76 +1,252 @@
-"""Order "auto": the lowest order of a polynomial that the data do not clearly outvote.
+"""How every target moves, said by the data: a polynomial of some order, or a spline. All targets are judged together.
 
-One order more is three unknowns more. They must take more off twice the cost than log(2 m) each, m the target's
-sightings (the Bayesian information criterion). From order 1 the order is raised one by one, all targets in turn, each
-time from the motion found so far; a target whose speed is worth no unknowns falls to order 0.
+Every target whose motion the data shall say begins as a spline, which comes home whatever it does. From there:
+
+    screen     a target stays a spline where its path has parts beyond a polynomial of `HIGHEST`: projections c of the
+               spline on Legendre polynomials of higher degree, c' C^-1 c is chi-square
+    raise      all others become polynomials of order `TRIED`, at once
+    lower      the order whose loss the data mind least, of all targets, goes first: with a the coefficients that are
+               dropped and S their covariance in the adjustment of all, dropping them costs a' S^-1 a, chi-square with
+               three degrees an order, all dropped before among them. It stops where the data mind
+    hold       the polynomials are adjusted and must fit as well as the splines did, by as many degrees as they save
+
+No step depends on the order in which targets are named. The tests reject at `CHANCE`, not by the information criterion:
+that would take a motion that is too simple by three sigmas, and a claim three sigmas too small with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
+from calibration.foundation.arrays import Floats
 from pipeline.records import Finding, Problem
+from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import common_time_s
 
-HIGHEST = 5
+HIGHEST, TRIED, PROJECTED = 5, 7, 16
+"""Highest order taken; order from which orders are lowered; Legendre degree to which a spline's path is looked at."""
+CHANCE, SCREENED = 0.01, 1e-4
+"""Chance at which a true order would be rejected, and a target be left a spline without trying."""
+MOST_LONE, DEAR = 2, 40.0
+"""Highest order of a target that one camera alone sees: more it cannot tell from its own flight; and what an order must
+take off chi-square, since along its rays such a target moves for nothing."""
 Descend = Callable[[Model, State], Fit]
 
 
-def choose_orders(
-    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend
-) -> tuple[MotionChoice, Fit, tuple[Finding, ...]]:
-    """The orders in force, the adjustment with them, and the reason of each choice."""
-    findings = []
-    for n, target in enumerate(problem.targets):
-        if target.motion != "polynomial" or target.order != "auto":
-            continue
-        price = penalty(fit.model, n)
-        gained = 0.0
-        while choice.orders[n] < HIGHEST:
-            higher = _with_order(choice, n, choice.orders[n] + 1)
-            trial = _tried(fit, higher, descend)
-            gained = 2 * (fit.cost - trial.cost)
-            if gained <= price:
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """Motions in force, the adjustment with them, the reason of each choice."""
+
+    choice: MotionChoice
+    fit: Fit
+    findings: tuple[Finding, ...]
+
+
+def choose_motions(
+    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, simple: Callable[[], Fit]
+) -> Chosen:
+    """From an adjustment with splines for all targets whose motion the data shall say.
+
+    `simple` is another one, with parabolas: where little tells the time, splines may have lost their way.
+    """
+    asked = {n: t.motion == "auto" for n, t in enumerate(problem.targets) if t.is_asked}
+    if not asked:
+        return Chosen(choice=choice, fit=fit, findings=())
+    lone = [n for n in asked if choice.kinds[n] == "polynomial"]
+    choice, fit = _raised(choice, fit, lone, descend)
+    findings = tuple(_reason(problem, choice, n) for n in lone)
+    asked = {n: free for n, free in asked.items() if n not in lone}
+    beyond = _beyond(fit, [n for n, free in asked.items() if free])
+    tried = [n for n, free in asked.items() if not free or beyond[n] > SCREENED]
+    found = choice, fit
+    starts = [fit, _alike(simple(), fit)] if tried else []
+    while tried:
+        lowered = _lowered(choice, starts, tried, descend)
+        rich = [n for n in tried if asked[n] and (lowered is None or lowered.orders[n] > HIGHEST)]
+        if lowered is not None and not rich:
+            held = _held(choice, fit, lowered, {n for n in tried if not asked[n]}, descend)
+            if held is not None:
+                found = held
                 break
-            choice, fit = higher, trial
-        if choice.orders[n] == 1:
-            lower = _with_order(choice, n, 0)
-            trial = _tried(fit, lower, descend)
-            if 2 * (trial.cost - fit.cost) < price:
-                choice, fit = lower, trial
-        findings.append(_reason(target.target, choice.orders[n], gained, price))
-    return choice, fit, tuple(findings)
+        if not rich:
+            rich = [n for n in tried if asked[n]]
+            rich = [min(rich, key=lambda n: (beyond[n], problem.targets[n].target))] if rich else tried
+        tried = [n for n in tried if n not in rich]
+    choice, fit = found
+    return Chosen(choice=choice, fit=fit, findings=(*findings, *(_reason(problem, choice, n) for n in asked)))
 
 
-def penalty(model: Model, target: int) -> float:
-    """What three more unknowns must take off twice the cost."""
-    frames = model.frames
-    sightings = float(frames.seen[:, target].sum())
-    return 3 * float(np.log(max(2 * sightings, 2.0)))
+def _raised(choice: MotionChoice, fit: Fit, lone: Sequence[int], descend: Descend) -> tuple[MotionChoice, Fit]:
+    """Targets that one camera alone sees: still, unless the data mind; the one that minds most is raised first."""
+    while True:
+        trials = []
+        for n in lone:
+            if choice.orders[n] < MOST_LONE:
+                wanted = {n: choice.orders[n] + 1}
+                trials.append((with_orders(choice, wanted), _adjusted(choice, fit, wanted, descend)))
+        best = min(trials, key=lambda trial: trial[1].cost, default=None)
+        if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < DEAR:
+            return choice, fit
+        choice, fit = best
 
 
-def _with_order(choice: MotionChoice, target: int, order: int) -> MotionChoice:
-    orders = tuple(order if n == target else k for n, k in enumerate(choice.orders))
-    return replace(choice, orders=orders)
+def _alike(start: Fit, fit: Fit) -> Fit:
+    """Another start in the model of `fit`: its clocks' drifts and its poses' errors."""
+    model = start.model.changed(pose=fit.model.pose, drift=fit.model.drift, wander=fit.model.wander)
+    model = replace(model, loss=fit.model.loss)
+    model = model.changed(priors=replace(model.priors, drift_rate=fit.model.priors.drift_rate))
+    state = replace(
+        start.state, deviation=fit.state.deviation, wander=fit.state.wander, own=np.zeros(start.state.own.shape)
+    )
+    return replace(start, model=model, linear=replace(start.linear, model=model, state=state))
 
 
-def _tried(fit: Fit, choice: MotionChoice, descend: Descend) -> Fit:
+@dataclass(frozen=True, kw_only=True)
+class _Lowered:
+    """Orders by target, and the adjustment from which they were lowered."""
+
+    orders: dict[int, int]
+    raised: Fit
+
+
+def _beyond(fit: Fit, targets: Sequence[int]) -> dict[int, float]:
+    """Of every target, the chance that its spline's path beyond a polynomial of `HIGHEST` is noise."""
+    factor = factorise(fit.linear.system)
+    out = dict.fromkeys(targets, 1.0)
+    if factor is None:
+        return out
+    for n in targets:
+        t, order = fit.model.basis.targets[n], fit.model.order
+        degrees = min(PROJECTED, t.count - 1)
+        if degrees <= HIGHEST:
+            continue
+        weight = _legendre_rows(fit, n, degrees)[HIGHEST + 1 :]
+        value = weight @ fit.state.coefficients[t.first : t.first + t.count]
+        columns = np.zeros((order.n_band + order.n_border, 3 * len(weight)))
+        for axis in range(3):
+            columns[
+                order.coefficient[t.first : t.first + t.count, axis],
+                axis * len(weight) + np.arange(len(weight))[:, None],
+            ] = weight
+        covariance = columns.T @ factor.solve(columns)
+        flat = value.T.ravel()
+        square = float(flat @ np.linalg.lstsq(covariance, flat, rcond=1e-12)[0])
+        out[n] = float(chi2.sf(square / _unit(fit), len(flat)))
+    return out
+
+
+def _legendre_rows(fit: Fit, target: int, degrees: int) -> Floats:
+    """(degrees + 1, count): projections of a spline on Legendre polynomials over its knots, by its coefficients."""
+    basis, t = fit.model.basis, fit.model.basis.targets[target]
+    nodes, weights = np.polynomial.legendre.leggauss(max(4 * t.count, 2 * degrees + 2))
+    low, high = t.knots_s[0], t.knots_s[-1]
+    time = 0.5 * (low + high) + 0.5 * (high - low) * nodes
+    span = basis.span(time)
+    u = (time - basis.mid_s[span]) / basis.half_s[span]
+    value = np.einsum("bij,bi->bj", t.transform[span], u[:, None] ** np.arange(basis.degree + 1))
+    whole = np.zeros((len(time), t.count))
+    whole[np.arange(len(time))[:, None], t.active[span][:, None] - t.first + np.arange(t.degree + 1)] = value
+    return np.asarray((np.polynomial.legendre.legvander(nodes, degrees) * weights[:, None]).T @ whole)
+
+
+def _unit(fit: Fit) -> float:
+    """Chi-square per equation where that is above one: sigmas that claim too little say too much."""
+    equations = 2 * float(fit.model.frames.seen.sum())
+    return max(1.0, 2 * data_cost(fit) / equations)
+
+
+def _lowered(choice: MotionChoice, starts: Sequence[Fit], tried: Sequence[int], descend: Descend) -> _Lowered | None:
+    """Orders of the targets `tried`, lowered from `TRIED` as far as the data let them."""
+    orders = {n: _highest(starts[0], n) for n in tried}
+    raised = min((_adjusted(choice, start, orders, descend) for start in starts), key=lambda fit: fit.cost)
+    factor = factorise(raised.linear.system)
+    if factor is None or raised.status == "stalled":
+        return None
+    model, covariance = raised.model, factor.corner_covariance() * _unit(raised)
+    begin = dict(orders)
+
+    def places(n: int, order: int) -> Floats:
+        t = model.basis.targets[n]
+        return np.asarray(model.order.coefficient[t.first + order, :] - model.order.n_band)
+
+    values = {n: raised.state.coefficients[model.basis.targets[n].first :][: begin[n] + 1] for n in tried}
+
+    def costs(now: dict[int, int]) -> float:
+        gone = [(n, k) for n in tried for k in range(now[n] + 1, begin[n] + 1)]
+        if not gone:
+            return 0.0
+        place = np.concatenate([places(n, k) for n, k in gone])
+        value = np.concatenate([values[n][k] for n, k in gone])
+        return float(value @ np.linalg.lstsq(covariance[np.ix_(place, place)], value, rcond=1e-13)[0])
+
+    spent = 0.0
+    while True:
+        lower = {n: costs({**orders, n: orders[n] - 1}) - spent for n in tried if orders[n] > 0}
+        if not lower:
+            break
+        n = min(lower, key=lambda m: (lower[m], model.basis.targets[m].target))
+        dropped = sum(begin[m] - orders[m] for m in tried) + 1
+        if lower[n] > chi2.isf(CHANCE, 3) or spent + lower[n] > chi2.isf(CHANCE, 3 * dropped):
+            break
+        orders[n] -= 1
+        spent += lower[n]
+    return _Lowered(orders=orders, raised=raised)
+
+
+def _highest(fit: Fit, target: int) -> int:
+    """Order to begin with: less where a target is seen for a short while, or seldom."""
+    basis, frames = fit.model.basis, fit.model.frames
+    t = basis.targets[target]
+    share = float(np.ptp(t.knots_s) / np.ptp(basis.grid_s))
+    sightings = int(frames.seen[:, target].sum())
+    allowed = TRIED if share > 0.3 else HIGHEST if share > 0.1 else 2
+    return max(0, min(allowed, (2 * sightings) // 6 - 1))
+
+
+def _adjusted(choice: MotionChoice, fit: Fit, orders: dict[int, int], descend: Descend) -> Fit:
+    """The adjustment with polynomials of these orders."""
+    wanted = with_orders(choice, orders)
     time = common_time_s(fit.model.frames, fit.model.drift, fit.state.camera, fit.state.deviation)
-    model, state = with_basis(fit.model, fit.state, basis_at(fit.model.frames, choice, time))
+    model, state = with_basis(fit.model, fit.state, basis_at(fit.model.frames, wanted, time))
     found = descend(model, state)
     return replace(found, iterations=fit.iterations + found.iterations)
 
 
-def _reason(target: str, order: int, gained: float, price: float) -> Finding:
-    words = f"{target} is given a motion of order {order}: "
-    if order == HIGHEST:
-        words += f"the highest there is; each order up to it was worth its price of {price:.1f}"
+def with_orders(choice: MotionChoice, orders: dict[int, int]) -> MotionChoice:
+    """The choice with polynomials of these orders, by target."""
+    kinds = tuple("polynomial" if n in orders else kind for n, kind in enumerate(choice.kinds))
+    return replace(choice, kinds=kinds, orders=tuple(orders.get(n, k) for n, k in enumerate(choice.orders)))
+
+
+def _held(
+    choice: MotionChoice, splines: Fit, lowered: _Lowered, bound: set[int], descend: Descend
+) -> tuple[MotionChoice, Fit] | None:
+    """The polynomials adjusted, where they fit as well as the splines; `bound` targets have to be polynomials."""
+    orders = {n: min(k, HIGHEST) for n, k in lowered.orders.items()}
+    while True:
+        fit = _adjusted(choice, lowered.raised, orders, descend)
+        if fit.status == "stalled":
+            return None
+        saved = redundancy_left(fit) - redundancy_left(splines)
+        worse = 2 * (data_cost(fit) - data_cost(splines)) / _unit(splines)
+        if worse <= chi2.isf(CHANCE, max(saved, 3.0)) or bound:
+            return with_orders(choice, orders), fit
+        return None
+
+
+def _reason(problem: Problem, choice: MotionChoice, n: int) -> Finding:
+    target, order = problem.targets[n].target, choice.orders[n]
+    if choice.kinds[n] == "spline":
+        words = f"{target} is given a free motion (a spline): no polynomial up to order {HIGHEST} fits its sightings"
     else:
-        words += f"order {order + 1} would take {gained:.1f} off chi-square, less than its price of {price:.1f}"
+        shape = {0: "a still point", 1: "straight, at constant speed"}.get(order, f"a polynomial of order {order}")
+        words = f"{target} is given a motion of order {order} ({shape}): less would not fit, and nothing asks for more"
     return Finding(kind="motion-order", subject=target, words=words)

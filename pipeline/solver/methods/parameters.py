@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import GeometryError
-from pipeline.records import CameraInput, Problem, SolverSettings
+from pipeline.records import CameraInput, Problem, SolverSettings, TargetInput
 from pipeline.records.motion import MotionKind
 from pipeline.solver.adjustment.elimination import CAUCHY, HUBER, NONE, Loss, PoseError
 from pipeline.solver.adjustment.model import Model, Priors, State, build_model
@@ -48,12 +48,35 @@ class MotionChoice:
     spacing_s: float = KNOTS_S
 
 
-def first_choice(problem: Problem) -> MotionChoice:
+def first_choice(problem: Problem, method: str = "map") -> MotionChoice:
     """What the problem says, with `FIRST_ORDER` where the data shall say."""
+    lone = seen_by_one(problem)
     return MotionChoice(
-        kinds=tuple(t.motion for t in problem.targets),
-        orders=tuple(FIRST_ORDER if t.order == "auto" else t.order for t in problem.targets),
+        kinds=tuple(_first_kind(t, method, t.target in lone) for t in problem.targets),
+        orders=tuple(_first_order(t, method, t.target in lone) for t in problem.targets),
     )
+
+
+def seen_by_one(problem: Problem) -> frozenset[str]:
+    """Targets that only one camera sees: a free motion of theirs could not be known."""
+    count = dict.fromkeys((t.target for t in problem.targets), 0)
+    for camera in problem.cameras:
+        for index in np.unique(camera.rays.target):
+            name = camera.rays.targets[index]
+            count[name] = count.get(name, 0) + 1
+    return frozenset(name for name, cameras in count.items() if cameras < 2)
+
+
+def _first_kind(target: TargetInput, method: str, lone: bool) -> MotionKind:
+    """Only `map` can let the data say, and begins with a spline; with a still point where one camera alone looks."""
+    asked = target.is_asked and method == "map" and not lone
+    return "spline" if target.motion == "spline" or asked else "polynomial"
+
+
+def _first_order(target: TargetInput, method: str, lone: bool) -> int:
+    if target.order != "auto":
+        return int(target.order)
+    return 0 if lone and method == "map" else FIRST_ORDER
 
 
 def is_still(camera: CameraInput) -> bool:
@@ -176,10 +199,12 @@ def first_model(
 
 def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:
     """The same motion as well as another basis can say it: fitted to its positions, four for every coefficient."""
-    changed = model.changed(basis=basis)
+    jerk = model.priors.jerk[:, model.basis.span(basis.mid_s)]
+    changed = model.changed(basis=basis, priors=replace(model.priors, jerk=jerk))
     coefficients = np.zeros((basis.count, 3))
     for n, t in enumerate(basis.targets):
-        low, high = (t.knots_s[0], t.knots_s[-1])
+        old = model.basis.targets[n]
+        low, high = max(t.knots_s[0], old.knots_s[0]), min(t.knots_s[-1], old.knots_s[-1])
         time = np.linspace(low, high, 4 * t.count + 8)
         wanted = model.basis.position(time, state.coefficients)[:, n]
         unit = np.zeros((len(time), t.count))

@@ -22,7 +22,7 @@ from pipeline.records import (
     SolverSettings,
     SolveStatus,
 )
-from pipeline.solver.adjustment.model import Model, State, residuals_of
+from pipeline.solver.adjustment.model import Model, State, pose_error, residuals_of, wander_square
 from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
 from pipeline.solver.observation.motion_basis import motion_of
 from pipeline.solver.observation.observations import Frames
@@ -145,7 +145,7 @@ def _clock(problem: Problem, model: Model, state: State, covariance: Covariance 
 
 def _poses(problem: Problem, model: Model, state: State, c: int) -> PoseTrack:
     given, part = problem.cameras[c].poses, model.frames.of(c)
-    error = state.camera[c, :6] + model.pose.spread[c] * state.own[part]
+    error = pose_error(model, state, part)
     cam_from_enu = rotation.matrix(rotation.exp(error[:, :3])) @ model.frames.cam_from_enu[part]
     return PoseTrack(
         camera=given.camera,
@@ -200,13 +200,14 @@ def _prior_square(model: Model, state: State) -> float:
     """Squared prior residuals of cameras, frames and splines; `map` only has them."""
     off = (state.camera - model.priors.camera_mean) ** 2 * model.priors.camera_precision
     own = model.pose.prior[model.frames.camera] * state.own**2
-    return float(off.sum() + own.sum())
+    return float(off.sum() + own.sum()) + wander_square(model, state)
 
 
 def _degrees_of_freedom(model: Model, observations: int) -> int:
     """Observations and priors less unknowns; a frame's own error with a prior adds one of each."""
     own = model.pose.spread[model.frames.camera] * (1 - model.pose.prior[model.frames.camera])
     priors = int(((model.priors.camera_precision > 0) & model.priors.camera_free).sum())
+    priors += int((model.order.wander >= 0).sum())
     return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
 
 

@@ -39,7 +39,7 @@ class DenseCovariance:
 def triangulate(problem: Problem, settings: SolverSettings, frames: Frames) -> Outcome:
     """Points of synchronised frames and a motion through them."""
     camera = first_camera(problem, given_offsets(problem), {})
-    model, state = first_model(problem, settings, metric(frames), first_choice(problem), camera)
+    model, state = first_model(problem, settings, metric(frames), first_choice(problem, settings.method), camera)
     time = common_time_s(frames, model.drift, camera, np.empty(0))
     partners = synchronised(problem, frames, time)
     coefficients = state.coefficients.copy()

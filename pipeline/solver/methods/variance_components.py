@@ -26,6 +26,8 @@ WINDOW_S, SHRUNK, SLACK = 3.0, 6.0, 3.0
 given this factor of slack. It costs little elsewhere: where sightings are dense they decide anyway."""
 SLACKEST_JERK, STIFFEST_JERK = 300.0, 0.03
 """m / s^2.5: nothing seen by cameras moves more wildly, or need be held more smoothly."""
+STIFFEST_EVEN_JERK = 0.003
+"""The same where a spline stands in for a polynomial that it may be."""
 FASTEST_WALK, SLOWEST_WALK = 0.1, 1e-6
 """s / sqrt(s)."""
 
@@ -36,8 +38,11 @@ def renewed(strength: float, square: float, decided: float, low: float, high: fl
     return float(np.clip(strength * np.clip(factor, 1 / WIDEST_CHANGE, WIDEST_CHANGE), low, high))
 
 
-def renewed_jerk(model: Model, state: State, covariance: Covariance) -> Floats:
+def renewed_jerk(model: Model, state: State, covariance: Covariance, *, even: bool = False) -> Floats:
     """(N, S) strengths of the white jerk of every spline, one round on.
+
+    `even`: the most likely strength of the whole flight, without slack: what a simpler motion is held against, since
+    slack follows noise, and what follows noise fits better than the truth.
 
     Flight is not equally lively all the time: the strength is estimated over about WINDOW_S around every span, with
     SHRUNK further rows that say what the whole flight says.
@@ -47,20 +52,29 @@ def renewed_jerk(model: Model, state: State, covariance: Covariance) -> Floats:
         if t.kind != "spline":
             continue
         first, rows, span = jerk_penalty(model, n)
-        acting = first[:, None] + np.arange(rows.shape[1])
-        value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
-        place = model.order.coefficient[acting]
-        spread = covariance.pairs(place[:, :, None, :], place[:, None, :, :])
+        value = np.einsum("pa,pax->px", rows, state.coefficients[first[:, None] + np.arange(rows.shape[1])])
         now = out[n, span]
         square = (value**2).sum(axis=1) * now**2
-        decided = value.shape[1] - np.einsum("pa,pabx,pb->p", rows, spread, rows)
+        decided = decided_rows(model, n, covariance)
         whole = square.sum() / max(float(decided.sum()), 1e-3)
+        if even:
+            changed = np.clip(np.sqrt(whole), now / WIDEST_CHANGE, now * WIDEST_CHANGE)
+            out[n, span] = np.clip(changed, STIFFEST_EVEN_JERK, SLACKEST_JERK)
+            continue
         reach = max(1, round(0.5 * WINDOW_S / float(np.median(2 * model.basis.half_s))))
         near = (_around(square, reach) + SHRUNK * whole) / (np.maximum(_around(decided, reach), 0) + SHRUNK)
         wanted = SLACK * np.sqrt(near)
         changed = np.clip(wanted, now / WIDEST_CHANGE, now * WIDEST_CHANGE)
         out[n, span] = np.clip(changed, STIFFEST_JERK, SLACKEST_JERK)
     return out
+
+
+def decided_rows(model: Model, target: int, covariance: Covariance) -> Floats:
+    """(p,) of every span of a spline, how many of its three prior rows the data rather than the prior decide."""
+    first, rows, _ = jerk_penalty(model, target)
+    place = model.order.coefficient[first[:, None] + np.arange(rows.shape[1])]
+    spread = covariance.pairs(place[:, :, None, :], place[:, None, :, :])
+    return np.asarray(3 - np.einsum("pa,pabx,pb->p", rows, spread, rows))
 
 
 def _around(value: Floats, reach: int) -> Floats:

@@ -32,8 +32,10 @@ from pipeline.solver.observability.ray_bundles import (
     bundle_of,
     lie_in_one_plane,
     meet_in_one_point,
+    moves_simply,
     slides_along_rays,
     stand_on_one_line,
+    stands_still,
 )
 from pipeline.solver.offset_search.search import setting_order
 from pipeline.solver.offset_search.views import View, views
@@ -84,12 +86,16 @@ def _others(problem: Problem) -> list[CameraInput]:
 
 
 def _orders(problem: Problem, orders: Mapping[str, int] | None) -> dict[str, int | None]:
-    """Order of each target's motion, zero where the data shall say; None for a spline, which is free."""
-    known = orders or {}
-    return {
-        t.target: None if t.motion == "spline" else known.get(t.target, 0 if t.order == "auto" else int(t.order))
-        for t in problem.targets
-    }
+    """Order of each target's motion; None for a free one (a spline). What the data shall say is zero before."""
+    out: dict[str, int | None] = {}
+    for t in problem.targets:
+        if t.motion == "spline":
+            out[t.target] = None
+        elif t.order != "auto":
+            out[t.target] = int(t.order)
+        else:
+            out[t.target] = 0 if orders is None else orders.get(t.target)
+    return out
 
 
 def _times(problem: Problem, settings: SolverSettings, clocks: Sequence[Clock]) -> dict[str, tuple[float, float]]:
@@ -175,10 +181,10 @@ def _why_it_slides(bundle: Bundle, order: int, watching: Sequence[str]) -> str:
     """What kind of bundle it is, in words."""
     if are_parallel(bundle):
         return "all of its sight rays are parallel: it moves along them, or with the camera"
-    if meet_in_one_point(bundle):
-        return "all of its sight rays pass through one point" + (
-            f" ({watching[0]} stands still)" if bundle.cameras == 1 else ""
-        )
+    if stands_still(bundle):
+        return f"all of its sight rays pass through one point ({watching[0]} stands still)"
+    if not moves_simply(bundle, order) and meet_in_one_point(bundle):
+        return "all of its sight rays pass through one point"
     return f"{', '.join(watching)} moves no less simply than the target (a polynomial of order {order} or less)"
 
 

@@ -136,13 +136,28 @@ def are_parallel(bundle: Bundle) -> bool:
     return slides_along_rays(bundle, 0)
 
 
+def stands_still(bundle: Bundle) -> bool:
+    """Whether one camera alone sees the target, and from one place as far as its instruments can tell."""
+    spread = np.linalg.norm(bundle.centre_m - bundle.centre_m.mean(axis=0), axis=1)
+    return bool(bundle.cameras == 1 and np.sqrt((spread**2).mean()) < 3 * bundle.position_bias_m + 1e-6)
+
+
+def moves_simply(bundle: Bundle, order: int) -> bool:
+    """Whether one camera alone sees the target and itself moves as a polynomial of `order`, as far as one can tell."""
+    if bundle.cameras > 1:
+        return False
+    middle, half = 0.5 * (bundle.time_s.min() + bundle.time_s.max()), max(0.5 * float(np.ptp(bundle.time_s)), 1e-9)
+    powers = np.polynomial.legendre.legvander((bundle.time_s - middle) / half, order)
+    off = bundle.centre_m - powers @ np.linalg.lstsq(powers, bundle.centre_m, rcond=None)[0]
+    return bool(np.sqrt((off**2).sum(axis=1).mean()) < 3 * bundle.position_bias_m + 1e-6)
+
+
 def meet_in_one_point(bundle: Bundle) -> bool:
     """Whether one point lies on every ray: the camera itself where it stands still, or a point that all rays pass."""
-    spread = np.linalg.norm(bundle.centre_m - bundle.centre_m.mean(axis=0), axis=1)
-    if np.sqrt((spread**2).mean()) < 3 * bundle.position_bias_m + 1e-6 and bundle.cameras == 1:
+    if stands_still(bundle):
         return True
     across = np.eye(3) - bundle.ray[:, :, None] * bundle.ray[:, None, :]
-    weight = np.ones(len(spread))
+    weight = np.ones(len(bundle.centre_m))
     for _ in range(5):
         normal = np.einsum("m,mij->ij", weight, across)
         right = np.einsum("m,mij,mj->i", weight, across, bundle.centre_m)
@@ -151,7 +166,7 @@ def meet_in_one_point(bundle: Bundle) -> bool:
         variance = bundle.sigma_rad**2 * (away**2).sum(1) + bundle.position_bias_m**2
         weight = 1 / variance
     off = (across @ away[:, :, None])[:, :, 0]
-    return by_chance(float(((off**2).sum(1) * weight).sum()), max(2 * len(spread) - 3, 1))
+    return by_chance(float(((off**2).sum(1) * weight).sum()), max(2 * len(weight) - 3, 1))
 
 
 def lie_in_one_plane(bundle: Bundle) -> bool:

@@ -18,6 +18,7 @@ from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, SCALE, START, Drift
 from pipeline.solver.observation.motion_basis import MotionBasis
 from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.pose_wander import PoseWander
 
 LONGEST = 2048
 """Frames: what a block may hold at most, so that the memory of a pass is bounded."""
@@ -32,7 +33,8 @@ class Blocks:
     begin    (B + 1,) first frame of each; camera, span, segment, cluster (B,)
     u        (F,) time of each frame inside its span, -1 to 1
     half_s   (B,) half the span's length
-    local_from_camera  (B, 11 + P, 12 + P), P place parameters
+    local_from_camera  (B, 11 + P, 12 + P), P place parameters; 12 more, left and right knot, where poses wander
+    wander   (B,) left knot of each block's pose errors, -1: none; None where no camera's wander
     """
 
     begin: Ints
@@ -43,18 +45,21 @@ class Blocks:
     u: Floats
     half_s: Floats
     local_from_camera: Floats
+    wander: Ints | None = None
 
 
 def partition(
     frames: Frames, basis: MotionBasis, drift: Drift, time_s: Floats, camera: Floats, deviation: Floats,
-    cluster: Ints | None = None,
+    cluster: Ints | None = None, wander: PoseWander | None = None,
 ) -> Blocks:  # fmt: skip
-    """Cut the frames into blocks at common times `time_s` (F,); `cluster` (F,) cuts further."""
+    """Cut the frames into blocks at common times `time_s` (F,); `cluster` (F,) and pieces of `wander` cut further."""
     span = basis.span(time_s)
     u = (time_s - basis.mid_s[span]) / basis.half_s[span]
     begin = frames.first
-    if len(basis.grid_s) > 2 or drift.count or cluster is not None:
+    wanders = wander is not None and wander.count > 0
+    if len(basis.grid_s) > 2 or drift.count or cluster is not None or wanders:
         keys = [frames.camera, span, drift.segment] + ([] if cluster is None else [cluster])
+        keys += [wander.piece] if wander is not None else []
         change = np.zeros(frames.count, dtype=bool)
         for key in keys:
             change[1:] |= key[1:] != key[:-1]
@@ -62,6 +67,9 @@ def partition(
     begin = shortened(begin)
     at = begin[:-1]
     half = basis.half_s[span[at]]
+    local = _local_from_camera(frames, drift, at, u, half, camera, deviation)
+    if wander is not None and wanders:
+        local = np.concatenate([local, _local_from_wander(wander, at, local.shape[1])], axis=2)
     return Blocks(
         begin=begin,
         camera=frames.camera[at],
@@ -70,7 +78,8 @@ def partition(
         cluster=np.zeros(len(at), dtype=np.int64) if cluster is None else cluster[at],
         u=u,
         half_s=half,
-        local_from_camera=_local_from_camera(frames, drift, at, u, half, camera, deviation),
+        local_from_camera=local,
+        wander=None if wander is None or not wanders else wander.left[at],
     )
 
 
@@ -113,6 +122,15 @@ def _local_from_camera(
         for i in range(0, places, 2):
             row, column = LOCAL_COLUMNS + i, CAMERA_PARAMETERS + i
             out[:, row, column], out[:, row, column + 1], out[:, row + 1, column + 1] = 1.0, share_middle, share_slope
+    return out
+
+
+def _local_from_wander(wander: PoseWander, at: Ints, columns: int) -> Floats:
+    """(B, columns, 12): a block's pose errors from those at the left and at the right knot."""
+    out = np.zeros((len(at), columns, 12))
+    inside, share = wander.left[at] >= 0, wander.share[at]
+    for k in range(6):
+        out[:, k, k], out[:, k, 6 + k] = np.where(inside, 1 - share, 0.0), np.where(inside, share, 0.0)
     return out
 
 

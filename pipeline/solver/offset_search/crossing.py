@@ -24,6 +24,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry.rotation import exp, matrix
+from pipeline.solver.observation.symmetric import solved
 from pipeline.solver.offset_search.sweep import CAP, ClockRange, bounded, cross, inner
 from pipeline.solver.offset_search.views import Track, View, thinned
 
@@ -262,7 +263,9 @@ def _step(
         return None
     _add_priors(state, priors, normal, right)
     size = right.size
-    step = np.linalg.solve(normal.reshape(size, size), right.reshape(size)).reshape(right.shape)
+    step = solved(normal.reshape(size, size), right.reshape(size, 1)).reshape(right.shape)
+    if not np.isfinite(step).all():
+        return None
     limit = np.abs(step[:, 0]).max()
     return np.asarray(step * min(1.0, 1.0 / max(limit, 1e-12)))
 

@@ -20,6 +20,7 @@ from scipy.ndimage import minimum_filter1d
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import skew
 from pipeline.solver.observation.observations import across
+from pipeline.solver.observation.symmetric import solved
 from pipeline.solver.offset_search.sweep import ClockGuess, ClockRange, SetCamera
 from pipeline.solver.offset_search.views import Track, View, thinned
 
@@ -94,11 +95,11 @@ def project_motion(views: Sequence[View], rows: Sequence[Rows], clocks: Floats, 
         for t, r in zip(times, rows, strict=True)
     ]
     ranges = [np.ones_like(t) for t in times]
-    solved = _solved(views, rows, powers, ranges, biased=False)
+    found = _solved(views, rows, powers, ranges, biased=False)
     for _ in range(passes - 1):
-        ranges = [_ranges(r, p, a)[0] for r, p, a in zip(rows, powers, solved[1], strict=True)]
-        solved = _solved(views, rows, powers, ranges, biased=True)
-    cost, coefficients, bias = solved
+        ranges = [_ranges(r, p, a)[0] for r, p, a in zip(rows, powers, found[1], strict=True)]
+        found = _solved(views, rows, powers, ranges, biased=True)
+    cost, coefficients, bias = found
     for r, p, a in zip(rows, powers, coefficients, strict=True):
         distance, behind = _ranges(r, p, a)
         cost = cost + (4.5 * behind + 2 * np.log(_spread(r, distance))).sum(axis=1)
@@ -129,13 +130,13 @@ def _solved(
         normal = _normal(r, phi, distance, size)
         n = 3 * (r.order + 1)
         motion = normal[:, :n, :n] + 1e-9 * np.trace(normal[:, :n, :n], axis1=1, axis2=2)[:, None, None] * np.eye(n) / n
-        reduced = np.linalg.solve(motion, normal[:, :n, n:])
+        reduced = solved(motion, normal[:, :n, n:])
         rest = normal[:, n:, n:] - np.swapaxes(normal[:, :n, n:], 1, 2) @ reduced
         schur += rest[:, :size, :size]
         right += rest[:, :size, size]
         square += rest[:, size, size]
         kept.append(reduced)
-    bias = np.linalg.solve(schur, right[..., None])[..., 0] if biased else np.zeros((g, size))
+    bias = solved(schur, right[..., None])[..., 0] if biased else np.zeros((g, size))
     cost: Floats = 0.5 * (square - (right * bias).sum(1))
     motions: list[Floats] = []
     for r, reduced in zip(rows, kept, strict=True):

@@ -85,6 +85,19 @@ def search_offsets(
     return tuple(_candidate(fit, rates, problem) for fit in found)
 
 
+def further_offsets(problem: Problem, settings: SolverSettings) -> tuple[OffsetCandidate, ...]:
+    """What the ways to judge clocks find that `search_offsets` does not come to; none where nothing is searched."""
+    others = [c for c in problem.cameras if c.camera != problem.reference_camera]
+    if all(c.offset_s is not None for c in others):
+        return ()
+    seen = views(problem)
+    order = setting_order(problem, seen)
+    priors = {c.camera: _prior(c, settings, problem.reference_camera) for c in problem.cameras}
+    rates = {c.camera: c.frame_rate for c in problem.cameras}
+    found = [_search(seen, order, priors, cost, None)[:2] for cost in _costs(problem, seen)[1:]]
+    return tuple(_candidate(fit, rates, problem) for fits in found for fit in fits)
+
+
 CROSSING = _Cost(sweep=sweep, polish=polish_crossing)
 
 
@@ -115,7 +128,7 @@ def _costs(problem: Problem, seen: Mapping[str, View]) -> list[_Cost]:
     if any(t.motion == "spline" for t in problem.targets):
         return [CROSSING]
     known = {t.target: 0 if t.order == "auto" else int(t.order) for t in problem.targets}
-    auto = [t.target for t in problem.targets if t.order == "auto"]
+    auto = [t.target for t in problem.targets if t.is_asked]
     if not auto:
         return [_polynomial_cost(known)]
     if max((v.span_s[1] - v.span_s[0] for v in seen.values() if v.tracks), default=0.0) > SHORT_S:

@@ -18,6 +18,7 @@ from scipy.linalg import cho_solve_banded
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment.banded_system import Bordered, Factor, band_of_inverse, band_of_sandwich
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
+from pipeline.solver.observation.pose_wander import wander_penalty
 from pipeline.solver.uncertainty.jackknife import freed
 
 
@@ -211,6 +212,9 @@ def _add_priors(model: Model, meat: _Meat) -> None:
         own = model.drift.of(c)
         if model.drift_free and own.stop > own.start:
             meat.add(order.drift[own], drift_penalty(model.drift, c, float(priors.drift_rate[c])))
+    if model.wander is not None:
+        for c, k in zip(*np.nonzero(model.wander.sigma > 0), strict=True):
+            meat.add(order.wander[model.wander.of(int(c)), k], wander_penalty(model.wander, int(c), int(k)))
     for n, target in enumerate(model.basis.targets):
         if target.kind == "spline":
             first, rows, _ = jerk_penalty(model, n)

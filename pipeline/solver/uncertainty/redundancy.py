@@ -18,7 +18,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.records import Redundancy
-from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.model import Model, State, pose_error
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
 from pipeline.solver.observation.residuals import Linearised, linearise
 from pipeline.solver.uncertainty.covariance import Covariance
@@ -61,7 +61,7 @@ def _leverages(
     f, n = frames.seen[chosen].shape
     spread = model.pose.spread[frames.camera[chosen]]
     focal = state.camera[frames.camera[chosen], FOCAL]
-    error = state.camera[frames.camera[chosen], :6] + spread * state.own[chosen]
+    error = pose_error(model, state, chosen)
     target_m = model.basis.position(time_s, state.coefficients)
     line = linearise(frames, chosen, target_m, error, focal)  # type: ignore[arg-type]
     root = np.sqrt(model.loss.weight(square) * frames.seen[chosen])[..., None, None]
@@ -107,6 +107,10 @@ def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: L
     _add_places(camera[..., CAMERA_PARAMETERS:], frames.place_gain[chosen], frames.place_share[chosen])
     columns.append(camera)
     places.append(model.order.camera[frames.camera[chosen]])
+    if model.wander is not None and model.wander.count and (model.wander.left[chosen] >= 0).all():
+        left, share = model.wander.left[chosen], model.wander.share[chosen][:, None, None, None]
+        columns += [line.by_pose * (1 - share), line.by_pose * share]
+        places += [model.order.wander[left], model.order.wander[left + 1]]
     segment = drift.segment[chosen]
     if (segment >= 0).all():
         share = (tau - drift.knot_s[segment]) / (drift.knot_s[segment + 1] - drift.knot_s[segment])
