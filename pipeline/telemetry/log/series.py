@@ -62,12 +62,18 @@ def repetitions(time_s: Floats, lat_deg: Floats, lon_deg: Floats) -> Bools:
     steps = np.hypot(north, east)[changed[1:]]
     if len(steps) < LEAST_STEPS or np.median(steps) < LEAST_STEP_M:
         return none
-    renewal, message = float(np.median(np.diff(time[changed]))), float(np.median(np.diff(time)))
+    renewal, message = interval_s(time[changed]), interval_s(time)
     if not STAIRCASE * message <= renewal <= SLOWEST_RENEWAL_S:
         return none
     since = time - time[changed][np.cumsum(changed) - 1]
     none[told] = ~changed & (since < 2 * renewal)
     return none
+
+
+def interval_s(time_s: Floats) -> float:
+    """Typical time between rows (n,) in time order, those of one moment (two links) taken as one; NaN where none is."""
+    step = np.diff(time_s)
+    return float(np.median(step[step > 0])) if (step > 0).any() else float("nan")
 
 
 def attitude_series(*, source: str, time_s: Floats, ned_from_body: Floats) -> AttitudeSeries:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.telemetry.log.flight_log import AttitudeSeries, FlightLog, GimbalSeries, PositionSeries
+from pipeline.telemetry.log.series import interval_s
 
 FEW = 0.02
 """A share of invalid rows up to here, in no run of BRIDGED_S, is a link's or a driver's ordinary loss."""
@@ -24,7 +25,7 @@ def with_validity_notes(log: FlightLog) -> FlightLog:
 
 
 def _staircase(position: PositionSeries) -> str:
-    every, own = (1 / float(np.median(np.diff(position.time_s[rows]))) for rows in (position.told, position.valid))
+    every, own = (1 / interval_s(position.time_s[rows]) for rows in (position.told, position.valid))
     return f"positions in {position.source} come at {every:.1f} Hz, renewed at {own:.1f} Hz: repetitions are one sample"
 
 

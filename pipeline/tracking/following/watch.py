@@ -105,7 +105,10 @@ def watch(watched: Watched, scene: Scene, settings: TrackingSettings) -> tuple[W
     watched, looked = _box(watched, here, scene)
     watched, seen = _weighed(watched, fixes, here, looked, scene)
     if watched.box is None and here is None:
-        watched = changed(watched, lost=True)
+        unproved, watched = watched.returned, changed(watched, lost=True, returned=None)
+        if unproved is not None:
+            first, last = sorted((unproved, scene.frame))
+            return watched, Seen(taken_back=tuple(range(first, last + 1)))
         if held:
             return _let_go(watched, seen, scene)
     return _slid(watched, seen, scene)

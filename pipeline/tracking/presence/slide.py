@@ -97,8 +97,11 @@ def _judged(trail: Trail, size_px: float) -> Trail:
         return changed(
             trail, velocity=way[at] / dt_s[at] if known else trail.velocity, certain=int(trail.frame[-1])
         )  # fmt: skip
-    far = np.flatnonzero(speed * dt_s >= max(SLIDE.least_way_px, SLIDE.least_way_sizes * size_px))
+    least_px = max(SLIDE.least_way_px, SLIDE.least_way_sizes * size_px)
+    far = np.flatnonzero(speed * dt_s >= least_px)
     far = far[far <= len(trail.frame) - 1 - SLIDE.fewest]
+    if not len(far) and speed * SLIDE.longest_s >= least_px:  # not long enough seen yet
+        return trail
     if not len(far):  # too slow to be told from the ground
         at = 0
         slow = way[at] / max(dt_s[at], 1e-9) if dt_s[at] >= SLIDE.first_s else trail.velocity
@@ -125,6 +128,8 @@ def has_slid(trail: Trail, scene: Scene, size_px: Floats, doubtful: bool) -> boo
     told = scene_or_target(trail, scene, size_px)
     if told is None:
         return doubtful and trail.suspicious >= SLIDE.doubtful_frames
+    if doubtful and trail.suspicious >= SLIDE.doubtful_frames and told[1] < told[0] + SLIDE.margin:
+        return True
     return told[0] > max(SLIDE.least_scene, told[1] + SLIDE.margin)
 
 

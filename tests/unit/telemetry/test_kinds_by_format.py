@@ -498,6 +498,14 @@ class TestSigmas:
         north = (np.degrees(log.position.lat_rad[keep]) - 41.0) / 9e-5
         np.testing.assert_allclose(north, log.position.time_s[keep], atol=0.02)
 
+    def test_two_links_of_one_vehicle_are_no_staircase(self, tmp_path):
+        link = Link()
+        fly(link, seconds=5)
+        fly(link, seconds=5, record_s=RECORD_EPOCH_S + 0.01)
+        log = tlog(tmp_path / "a.tlog", link)
+        assert not log.position.repeated.any()
+        assert not any("renewed" in note for note in log.notes)
+
     def test_a_vehicle_that_stands_keeps_its_samples(self, tmp_path):
         stands = lambda t: 41.0 + np.floor(5 * min(t, 2.0) + 1e-6) / 5 * 9e-5  # noqa: E731
         log = self.subtitles(tmp_path, lambda t: f"{stands(t):.7f}", hz=30, more="[rel_alt: 5.0]")
