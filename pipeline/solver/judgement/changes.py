@@ -135,7 +135,7 @@ def _hiding(frames: Frames, hidden: Bools) -> Frames:
 
 def exchanged(model: Model, c: int, a: int, b: int, since: int | None) -> Change:
     """Targets `a` and `b` exchanged in a camera, from frame number `since` on."""
-    frames = model.frames
+    frames, (a, b) = model.frames, sorted((a, b))
     rows = np.zeros(frames.count, dtype=bool)
     rows[frames.of(c)] = True if since is None else frames.frame[frames.of(c)] >= since
 

@@ -279,6 +279,7 @@ def _offsets(solution: Solution) -> list[Reason]:
 SPOKEN = {
     "left-out": "look at those sightings",
     "target-left-out": "give it what the words ask for, or leave it out of the flight file",
+    "many-outliers": "look at the tracks",
     "low-weights": 'look at the tracks of that camera; with that many outliers use robust = "cauchy"',
 }
 """Findings that lower the verdict to "care", with their advice."""
