@@ -48,7 +48,8 @@ def test_unit_weight_is_judged_by_chi_square() -> None:
     test = solution.unit_weight
     assert test is not None
     assert test.passed
-    free = solution.degrees_of_freedom
+    free = solution.expected_chi_square  # the true redundancy, which counts what priors decide
+    assert free == pytest.approx(solution.degrees_of_freedom, rel=1e-3)
     assert test.low * free == pytest.approx(chi2.isf(0.975, free))
     assert test.variance_factor == pytest.approx(solution.chi_square / free)
     assert solve(problem, SolverSettings(method="algorithm-1")).unit_weight is None
