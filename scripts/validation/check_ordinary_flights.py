@@ -37,6 +37,7 @@ from pipeline.records import (
     TargetInput,
 )
 from pipeline.solver import solve
+from scripts.validation.figures import tell
 
 KINDS = ("straight", "curve", "stop", "uturn", "roundabout", "hover", "parked")
 GIVEN_ORDER = {"parked": 0, "straight": 1}
@@ -327,12 +328,15 @@ def main() -> None:
         words += " ".join(f"{kind}:{shape.get(f'car{n + 1}', '-')}" for n, kind in enumerate(flight.kinds))
         print(words, flush=True)
     ratio = np.array([s.ratio for s in auto])
+    beyond = sum(s.offset_sigmas > 4 for s in auto)
+    over_given = np.array([a.rmse_m / b.rmse_m for a, b in given] or [np.nan])
+    rms, worst = float(np.sqrt((ratio**2).mean())), float(ratio.max())
     print(
-        f"{len(auto)} flights: error over claim {np.sqrt((ratio**2).mean()):.2f} rms, greatest {ratio.max():.2f}; "
-        f"offsets beyond four sigmas {sum(s.offset_sigmas > 4 for s in auto)}; "
-        f"error over that with the true motion {np.median([a.rmse_m / b.rmse_m for a, b in given] or [np.nan]):.2f} "
-        f"median, {np.sqrt(np.mean([(a.rmse_m / b.rmse_m) ** 2 for a, b in given] or [np.nan])):.2f} rms"
+        f"{len(auto)} flights: error over claim {rms:.2f} rms, greatest {worst:.2f}; offsets beyond four sigmas {beyond}; "
+        f"error over that with the true motion {np.median(over_given):.2f} median, "
+        f"{np.sqrt((over_given**2).mean()):.2f} rms"
     )
+    tell({"flights": len(auto), "error_over_claim": rms, "greatest": worst, "offsets_beyond_four_sigmas": beyond})
 
 
 if __name__ == "__main__":

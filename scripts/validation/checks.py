@@ -132,6 +132,12 @@ CHECKS = (
         says="100 random flights, clocks unknown by a minute",
     ),
     Check(
+        name="ordinary-flights",
+        module="check_ordinary_flights",
+        minutes=40,
+        says="ordinary flights with nothing but defaults: error over claim, and beside the true motion given",
+    ),
+    Check(
         name="demo-order",
         module="check_demo_order",
         minutes=1,

@@ -44,7 +44,6 @@ REFUSED = {
     "one point": scene([Cam(STILL_WEST)], [CAR]),
     "parallel": scene([Cam(poly([-150, -80, 100], [8, 3, 0]))], [CAR]),
     "along the rays": scene([Cam(poly([-200, -75, 0]))], [poly([0, 0, 0], [8, 3, 0])]),
-    "no target in common": scene([Cam(CURVED, sees=(0,)), replace(TOLD_SOUTH, sees=(1,))], [CAR, VAN]),
 }
 
 
@@ -65,6 +64,15 @@ def test_what_nothing_carries_is_refused(problem: Problem) -> None:
         solve(problem, SolverSettings())
     assert caught.value.exit_code == 5
     assert caught.value.advice
+
+
+def test_a_target_that_cannot_be_known_does_not_take_the_others_down() -> None:
+    """A still camera alone sees the van, a curving one alone the car: the van is left out, and it is said why."""
+    solution = solve(scene([Cam(CURVED, sees=(0,)), replace(TOLD_SOUTH, sees=(1,))], [CAR, VAN]), SolverSettings())
+    assert [motion.target for motion in solution.motions] == ["t0"]
+    (left_out,) = (f for f in solution.findings if f.kind == "target-left-out")
+    assert "t1" in left_out.words
+    assert "cam1 stands still" in left_out.words
 
 
 def test_the_neighbour_of_each_is_well_posed() -> None:

@@ -81,7 +81,7 @@ def test_a_gap_in_the_frames_is_a_loss():
     keep = np.r_[0:50, 90:120]
     cut = dataclasses.replace(
         track,
-        **{k: getattr(track, k)[keep] for k in ("frame", "time_s", "xy_px", "sigma_px")},
+        **{k: getattr(track, k)[keep] for k in ("frame", "time_s", "xy_px", "sigma_px", "box")},
         state=np.zeros(len(keep), int),
     )
     found = state_intervals(results, cut)
