@@ -162,6 +162,23 @@ ROWS = (
         ),
     ),
     Row(
+        check="ordinary-flights",
+        what="ordinary flights with nothing but defaults",
+        words=lambda f: (
+            f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights, at most {f['greatest']:.2f}; "
+            f"{f['offsets_beyond_four_sigmas']} offsets more than four sigmas off"
+        ),
+    ),
+    Row(
+        check="verdict",
+        what="verdict on flights with a mistake whose error exceeds two claims, and on ordinary ones",
+        words=lambda f: (
+            f"{f['not_good']} of {f['beyond_two_claims']} not good, the culprit among the first two in "
+            f"{f['culprit_named']}; ordinary: "
+            + ", ".join(f"{grade} {count}" for grade, count in f.get("ordinary", {}).items())
+        ),
+    ),
+    Row(
         check="solver-limit",
         what="`map` over the Cramer-Rao bound; squared error over claimed covariance",
         words=lambda f: (
