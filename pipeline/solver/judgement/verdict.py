@@ -114,6 +114,8 @@ def _of_sequences(sequences: Iterable[Sequence], settings: JudgementSettings) ->
     out = []
     for one in sequences:
         grade = _graded(one.log10_p + many, settings.sequence_care, settings.sequence_bad)
+        if grade == "bad" and one.kind == "alike":
+            grade = "care"  # errors that last make sigmas doubtful; they do not make the answer another one
         if grade == "good" or (one.kind == "alike" and one.correlation < settings.alike):
             continue
         told = sequence_words(one)
