@@ -68,7 +68,7 @@ def answer_of(found: Solution, problem: Problem, target: int) -> Answer:
     return Answer(
         status=found.status, iterations=found.iterations, motion=found.motions[target], seconds=found.seconds,
         offset_s=np.nan if clock is None else clock.offset_s,
-        offset_sigma_s=np.nan if clock is None else clock.offset_sigma_s,
+        offset_sigma_s=np.nan if clock is None else _plain_offset_sigma_s(found, clock.camera),
         frame_rate=np.nan if clock is None else clock.frame_rate,
         camera=np.array([names.index(c) for c in seen.camera], dtype=np.int64)[own], frame=seen.frame[own],
         position_m=seen.position_enu_m[own],
@@ -120,6 +120,16 @@ def _without_robust(found: map_estimation.Adjusted, plain: Inverse | None) -> Ou
         model=fit.model, observed=fit.model.frames, state=fit.state, status=fit.status, iterations=fit.iterations,
         cost=fit.cost, plain=plain,
     )  # fmt: skip
+
+
+def _plain_offset_sigma_s(found: Solution, camera: str) -> float:
+    """Of the plain covariance, which the bound is about; `ClockSolution` has the larger of plain and robust."""
+    name = f"{camera}.offset_s"
+    plain = found.shared_covariance
+    if plain is None or name not in found.shared_names:
+        return found.clock(camera).offset_sigma_s
+    at = found.shared_names.index(name)
+    return float(np.sqrt(max(plain[at, at], 0.0)))
 
 
 def _second_clock(found: Outcome) -> tuple[float, float, float]:
