@@ -123,7 +123,7 @@ def _without_robust(found: map_estimation.Adjusted, plain: Inverse | None) -> Ou
 
 
 def _plain_offset_sigma_s(found: Solution, camera: str) -> float:
-    """Of the plain covariance, which the bound is about; `ClockSolution` has the larger of plain and robust."""
+    """Of the plain covariance, which the bound is about; a `Clock` has the larger of plain and robust."""
     name = f"{camera}.offset_s"
     plain = found.shared_covariance
     if plain is None or name not in found.shared_names:
