@@ -5,6 +5,7 @@ values are NaN, never zero. Nothing here reads a file, prints or computes more t
 """
 
 from pipeline.records.ground import Ground, GroundAt, GroundHeights
+from pipeline.records.landmarks import GroundFit, Landmark
 from pipeline.records.motion import Motion, Trajectory
 from pipeline.records.poses import InstrumentSigma, LogPaths, PoseTrack
 from pipeline.records.problem import CameraInput, Problem, SolverSettings, SurveyedPlace, TargetInput
@@ -51,9 +52,11 @@ __all__ = [
     "Grade",
     "Ground",
     "GroundAt",
+    "GroundFit",
     "GroundHeights",
     "ImageTrack",
     "InstrumentSigma",
+    "Landmark",
     "LogPaths",
     "Motion",
     "OffsetCandidate",

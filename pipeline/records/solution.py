@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints, frozen, settle
+from pipeline.records.landmarks import GroundFit, Landmark
 from pipeline.records.motion import Motion
 from pipeline.records.poses import PoseTrack
 from pipeline.records.verdict import DepthRange, Verdict
@@ -180,6 +181,8 @@ class Solution:
     motions_robust   the same motions with the sandwich covariance in place of the plain one
     expected_chi_square  what `chi_square` is on average if all claims are true: the true redundancy; NaN where unknown
     verdict          whether to use it, and what speaks against it
+    landmarks        still points: surveyed, unknown, and check points
+    ground           what the ground is off by, of targets on it
     depths           of targets whose distance is so unsure that a sigma would mislead
     seconds          of the numerical solve alone (kernels warm), never written to a file
     settings         in force, as plain values
@@ -207,6 +210,8 @@ class Solution:
     expected_chi_square: float = math.nan
     verdict: Verdict = field(default_factory=Verdict)
     depths: tuple[DepthRange, ...] = ()
+    landmarks: tuple[Landmark, ...] = ()
+    ground: tuple[GroundFit, ...] = ()
     seconds: float = 0.0
     settings: Mapping[str, Any] = field(default_factory=dict)
 

@@ -20,18 +20,16 @@ from functools import partial
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.compiled import announced
 from calibration.foundation.errors import GeometryError
-from pipeline.records import Finding, OffsetCandidate, PoseTrack, Problem, Solution, SolverSettings
-from pipeline.records.problem import PoseAt
+from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
 from pipeline.solver.adjustment import compiled_descent
 from pipeline.solver.adjustment.assembly import linear
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.judgement import judged, with_findings
+from pipeline.solver.judgement import judged, with_findings, with_landmarks
 from pipeline.solver.methods import li, map_estimation
 from pipeline.solver.methods.initialisation import candidates
 from pipeline.solver.methods.intersection import intersect
@@ -41,6 +39,7 @@ from pipeline.solver.methods.triangulation import triangulate
 from pipeline.solver.observability.findings import find_degeneracies
 from pipeline.solver.observability.magnitudes import check_magnitudes
 from pipeline.solver.observation.observations import Frames, metric, pack, with_poses_of
+from pipeline.solver.observation.selection import without_landmarks, without_targets
 from pipeline.solver.offset_search.views import views
 from pipeline.solver.uncertainty.covariance import Inverse
 
@@ -74,6 +73,47 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     converging is a status, not an error.
     """
     check_magnitudes(problem)
+    checks = [t.target for t in problem.targets if t.check]
+    if not checks:
+        return _without_the_undetermined(problem, settings, progress)
+    adjusted = without_targets(problem, checks)
+    if adjusted is None:
+        raise _nothing_but_checks(checks)
+    solution = _without_the_undetermined(adjusted, settings, progress)
+    return with_check_points(problem, settings, solution)
+
+
+def _nothing_but_checks(checks: list[str]) -> GeometryError:
+    return GeometryError(
+        where=f"landmarks {', '.join(checks)}",
+        seen="the reference camera sees nothing but check points",
+        expected="targets beside them",
+        advice="leave check = true out, or track a target",
+    )
+
+
+def with_check_points(problem: Problem, settings: SolverSettings, solution: Solution) -> Solution:
+    """The solution with where its check points are, by a second adjustment in which their coordinates take no part.
+
+    It starts from the clocks of the first, and only the check points are taken from it. Their sightings do take part in
+    it, as those of unknown still points; nothing else of the solution is touched by them.
+    """
+    clocks = {c.camera: c for c in solution.clocks}
+    cameras = tuple(
+        replace(c, offset_s=clocks[c.camera].offset_s)
+        if c.camera in clocks and c.sigma.offset_s is None and c.camera != problem.reference_camera
+        else c
+        for c in problem.cameras
+    )
+    again = _without_the_undetermined(replace(problem, cameras=cameras), settings, None)
+    found = tuple(landmark for landmark in again.landmarks if landmark.kind == "check")
+    checks = {t.target for t in problem.targets if t.check}
+    left = tuple(f for f in again.findings if f.kind == "target-left-out" and f.subject in checks)
+    return with_landmarks(with_findings(solution, left), found)
+
+
+def _without_the_undetermined(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
+    """The adjustment without the targets that it cannot determine, each of which is said."""
     left: list[Finding] = []
     while True:
         try:
@@ -81,7 +121,7 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
             return with_findings(solution, tuple(left))
         except GeometryError as error:
             name = next((t.target for t in problem.targets if error.where == f"target {t.target}"), None)
-            smaller = None if name is None else without_target(problem, name)
+            smaller = None if name is None else without_targets(problem, [name])
             if name is None or smaller is None:
                 raise
             left.append(_left_out(name, error))
@@ -95,49 +135,6 @@ def _left_out(target: str, error: GeometryError) -> Finding:
         words=f"{target} is left out, the others are solved: {error.seen}; expected {error.expected}",
         carried_by=error.advice,
     )
-
-
-def without_target(problem: Problem, target: str) -> Problem | None:
-    """The problem without one target, and without cameras that see nothing else; None where nothing is left."""
-    targets = tuple(t for t in problem.targets if t.target != target)
-    cameras = []
-    for camera in problem.cameras:
-        rays = camera.rays
-        names = tuple(name for name in rays.targets if name != target)
-        place = np.array([names.index(name) if name in names else -1 for name in rays.targets], dtype=np.int64)
-        kept = np.array([name != target for name in rays.targets], dtype=bool)[rays.target]
-        if kept.any():
-            frame = np.unique(rays.frame[kept])
-            rows = np.isin(camera.poses.frame, frame)
-            poses = replace(
-                camera.poses, frame=camera.poses.frame[rows], time_s=camera.poses.time_s[rows],
-                position_enu_m=camera.poses.position_enu_m[rows], enu_from_cam=camera.poses.enu_from_cam[rows],
-            )  # fmt: skip
-            fewer = replace(
-                rays, targets=names, target=place[rays.target[kept]], frame=rays.frame[kept], time_s=rays.time_s[kept],
-                direction_cam=rays.direction_cam[kept], pixel_from_ray=rays.pixel_from_ray[kept],
-                sigma_px=rays.sigma_px[kept],
-                focal_effect=None if rays.focal_effect is None else rays.focal_effect[kept],
-            )  # fmt: skip
-            at = None if camera.poses_at is None else _at_rows(camera.poses_at, rows)
-            cameras.append(replace(camera, rays=fewer, poses=poses, poses_at=at))
-    known = any(c.camera == problem.reference_camera for c in cameras)
-    return replace(problem, cameras=tuple(cameras), targets=targets) if targets and known else None
-
-
-def _at_rows(poses_at: PoseAt, rows: Bools) -> PoseAt:
-    """The same poses at moved times, of some of the frames."""
-
-    def at(shift_s: Floats) -> PoseTrack:
-        whole = np.full(len(rows), float(np.median(shift_s)) if len(shift_s) else 0.0)
-        whole[rows] = shift_s
-        found = poses_at(whole)
-        return replace(
-            found, frame=found.frame[rows], time_s=found.time_s[rows], position_enu_m=found.position_enu_m[rows],
-            enu_from_cam=found.enu_from_cam[rows],
-        )  # fmt: skip
-
-    return at
 
 
 def _safely(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
@@ -155,11 +152,11 @@ def _safely(problem: Problem, settings: SolverSettings, progress: Progress | Non
 
 
 def _solved(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
-    seen = views(problem)
+    seen = views(without_landmarks(problem))
     find_degeneracies(problem, settings, seen=seen)
     frames = pack(problem)
     method = METHODS[settings.method]
-    starts = candidates(problem, settings)
+    starts = candidates(without_landmarks(problem), settings)
     asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
     compiled_descent.warm()
     began = time.perf_counter()

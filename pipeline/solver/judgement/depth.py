@@ -23,7 +23,8 @@ WITHIN_68, WITHIN_95 = 0.99446, 1.95996
 
 def depth_ranges(model: Model, state: State, solution: Solution, share: float) -> tuple[DepthRange, ...]:
     """Of every target whose sigma exceeds `share` of its distance from the camera that sees it most."""
-    found = (_of_target(model, state, solution, n) for n in range(len(model.frames.targets)))
+    moving = {m.target for m in solution.motions}
+    found = (_of_target(model, state, solution, n) for n, name in enumerate(model.frames.targets) if name in moving)
     return tuple(one for one in found if one is not None and not one.sigma_m <= share * one.depth_m)
 
 

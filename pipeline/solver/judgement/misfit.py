@@ -15,8 +15,10 @@ from typing import Literal
 import numpy as np
 
 from calibration.foundation.arrays import Floats
+from pipeline.solver.adjustment.known_rows import known_square
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.uncertainty.covariance import Covariance
+from pipeline.solver.uncertainty.known_redundancy import known_redundancy
 from pipeline.solver.uncertainty.redundancy import redundancy_table
 
 Scope = Literal["all", "camera", "target", "track"]
@@ -100,9 +102,10 @@ def _whole(model: Model, state: State, covariance: Covariance, off: Floats, left
     pulled = ((state.camera - priors.camera_mean) ** 2 * priors.camera_precision)[known]
     left_over = 1 - covariance.pairs(place[known], place[known]) * priors.camera_precision[known]
     errors = (model.pose.prior[model.frames.camera] * state.own**2).sum()
+    beside, expected = known_square(model, state), known_redundancy(model, state, covariance)
     return Misfit(
-        scope="all", camera="", target="", square=float(off.sum() + errors + pulled.sum()),
-        redundancy=float(left.sum() + own.sum() + np.maximum(left_over, 0).sum()),
+        scope="all", camera="", target="", square=float(off.sum() + errors + pulled.sum()) + beside,
+        redundancy=float(left.sum() + own.sum() + np.maximum(left_over, 0).sum()) + expected,
     )  # fmt: skip
 
 

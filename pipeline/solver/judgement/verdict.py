@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.records import DepthRange, Finding, Grade, Problem, Reason, Solution, Verdict, worst
+from pipeline.records import DepthRange, Finding, Grade, Landmark, Problem, Reason, Solution, Verdict, worst
 from pipeline.solver.adjustment.model import residuals_of
+from pipeline.solver.judgement.against_known import known_reasons
 from pipeline.solver.judgement.changes import FREED
 from pipeline.solver.judgement.culprits import Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
@@ -67,7 +68,9 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         ]
         if doubts:
             doubts = _with_suspects(problem, found, tests, doubts)
-        reasons = [*doubts, *reasons, *_depths(depths)]
+        ground = 0.0 if problem.ground is None else problem.ground.sigma_m
+        against = known_reasons(solution.landmarks, solution.ground, ground, settings)
+        reasons = [*against, *doubts, *reasons, *_depths(depths)]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths)
 
@@ -300,6 +303,13 @@ def with_findings(solution: Solution, findings: tuple[Finding, ...]) -> Solution
     reasons = (*solution.verdict.reasons, *_spoken(findings))
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=reasons)
     return replace(solution, findings=(*findings, *solution.findings), verdict=verdict)
+
+
+def with_landmarks(solution: Solution, found: tuple[Landmark, ...]) -> Solution:
+    """The solution with check points, and with the verdict that they leave."""
+    reasons = (*solution.verdict.reasons, *known_reasons(found, (), 0.0, SETTINGS))
+    verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=reasons)
+    return replace(solution, landmarks=(*solution.landmarks, *found), verdict=verdict)
 
 
 def _depths(depths: Iterable[DepthRange]) -> list[Reason]:

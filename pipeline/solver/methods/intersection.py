@@ -69,7 +69,7 @@ def distance_m(model: Model, state: State) -> Floats:
 def _motion_step(model: Model, frames: Frames, state: State) -> State:
     """One linear step of the motion alone; residuals of `frames` that are angular are made metric."""
     plain_lenses = len(frames.focal_effect) == 0 or not state.camera[:, FOCAL].any()
-    if model.motion_free and plain_lenses and is_dense(model):
+    if model.motion_free and model.known is None and plain_lenses and is_dense(model):
         found, pivot = motion_step(model, state, frames, RANK)
         _check_pivot(pivot)
         return replace(state, coefficients=found)

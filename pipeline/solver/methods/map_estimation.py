@@ -9,6 +9,7 @@ covariance  plain and cluster-robust
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,7 @@ from pipeline.solver.methods.initialisation import (
     residuals,
     statistical_start,
 )
+from pipeline.solver.methods.known_motions import ground_gaps, renewed_known
 from pipeline.solver.methods.model_selection import choose_motions
 from pipeline.solver.methods.parameters import BEND, first_choice
 from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
@@ -84,12 +86,13 @@ def adjust(
     def settle(fit: Fit) -> Settled:
         if fit.status == "iteration-limit" and len(found) > 1:
             fit = continued(fit, descent)
+        fit = along_the_ground(problem, fit, warm)
         fit, outliers = with_bounded_loss(fit, settings, descent)
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)
         chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]))
-        fit = with_estimated_priors(chosen.fit, descent)
+        fit = along_the_ground(problem, with_estimated_priors(chosen.fit, descent), finely)
         if has_estimated_priors(fit):
             fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
         return Settled(fit=fit, findings=(*outliers, *chosen.findings, *clocks, *wanders))
@@ -101,7 +104,10 @@ def adjust(
     settled, restarts = best_of(settle(fit), beginning, found[:1], found[TRIED:], settle)
     return Adjusted(
         fit=settled.fit, candidates=ranked,
-        findings=(*ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames)),
+        findings=(
+            *ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames),
+            *ground_gaps(problem, settled.fit.model, settled.fit.state),
+        ),
     )  # fmt: skip
 
 
@@ -117,6 +123,15 @@ def with_bounded_loss(fit: Fit, settings: SolverSettings, descent: Descent) -> t
     words = f"{100 * share:.0f} % of the sightings are outliers, so that Cauchy's loss is taken instead of Huber's"
     again = replace(bounded, iterations=fit.iterations + bounded.iterations)
     return again, (Finding(kind="many-outliers", subject="", words=words, carried_by="solve.robust"),)
+
+
+def along_the_ground(problem: Problem, fit: Fit, descend: Callable[[Model, State], Fit]) -> Fit:
+    """The adjustment with the ground's rows made anew along the motions; the same where nothing is on the ground."""
+    model = renewed_known(problem, fit.model, fit.state)
+    if model is fit.model:
+        return fit
+    again = descend(model, fit.state)
+    return replace(again, iterations=fit.iterations + again.iterations)
 
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:

@@ -13,6 +13,7 @@ from pipeline.records import CameraInput, Problem, SolverSettings, TargetInput
 from pipeline.records.motion import MotionKind
 from pipeline.solver.adjustment.elimination import CAUCHY, HUBER, NONE, Loss, PoseError
 from pipeline.solver.adjustment.model import Model, Priors, State, build_model
+from pipeline.solver.methods.known_motions import first_known, laid_through
 from pipeline.solver.observation.clocks import (
     CAMERA_PARAMETERS,
     FOCAL,
@@ -58,8 +59,8 @@ def first_choice(problem: Problem, method: str = "map") -> MotionChoice:
 
 
 def seen_by_one(problem: Problem) -> frozenset[str]:
-    """Targets that only one camera sees: a free motion of theirs could not be known."""
-    count = dict.fromkeys((t.target for t in problem.targets), 0)
+    """Targets that only one camera sees, and no ground holds: a free motion of theirs could not be known."""
+    count = {t.target: 2 * (t.on_ground and problem.ground is not None) for t in problem.targets}
     for camera in problem.cameras:
         for index in np.unique(camera.rays.target):
             name = camera.rays.targets[index]
@@ -190,10 +191,14 @@ def first_model(
         drift_rate=np.zeros(len(frames.cameras)),
     )  # fmt: skip
     loss = BEND[settings.robust] if settings.method == "map" else Loss()
-    model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors)
+    known, ways = first_known(problem, frames, time) if settings.method == "map" else (None, {})
+    model = build_model(frames, basis, drift, pose_errors(problem, settings.method), loss, priors, known=known)
+    coefficients = np.zeros((basis.count, 3))
     state = State(
-        coefficients=np.zeros((basis.count, 3)), camera=camera, deviation=np.empty(0), own=np.zeros((frames.count, 6))
-    )
+        coefficients=coefficients if known is None else laid_through(basis, coefficients, ways, problem),
+        camera=camera, deviation=np.empty(0), own=np.zeros((frames.count, 6)),
+        ground=np.zeros(0 if known is None else known.count),
+    )  # fmt: skip
     return model, state
 
 

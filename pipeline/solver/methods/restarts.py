@@ -23,6 +23,7 @@ from pipeline.solver.methods.initialisation import cleared, differ, statistical_
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import SCALE, common_time_s
 from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.selection import without_landmarks
 from pipeline.solver.offset_search.search import further_offsets
 
 DOUBTED, SIGMAS = 1.25, 6.0
@@ -103,7 +104,7 @@ def _others(
             if count < MOST - 2 and _applies(beginning, words):
                 count += 1
                 yield Start(words=words + _at(candidate), run=lambda run=run, c=candidate: run(beginning, c))  # type: ignore[misc]
-    further = (*left, *further_offsets(beginning.problem, beginning.settings))
+    further = (*left, *further_offsets(without_landmarks(beginning.problem), beginning.settings))
     for candidate in further[: MOST - count]:
         yield Start(words="other offsets" + _at(candidate), run=lambda c=candidate: _plainly(beginning, c))  # type: ignore[misc]
 

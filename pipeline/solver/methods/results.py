@@ -22,7 +22,9 @@ from pipeline.records import (
     SolverSettings,
     SolveStatus,
 )
+from pipeline.solver.adjustment.known_rows import known_square
 from pipeline.solver.adjustment.model import Model, State, pose_error, residuals_of, wander_square
+from pipeline.solver.methods.still_points import ground_fits, landmarks_of
 from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
 from pipeline.solver.observation.motion_basis import motion_of
 from pipeline.solver.observation.observations import Frames
@@ -82,7 +84,7 @@ def solution_of(problem: Problem, settings: SolverSettings, found: Outcome, seco
         degrees_of_freedom=_degrees_of_freedom(model, observations),
         clocks=tuple(_clock(problem, found, c) for c in range(len(problem.cameras))),
         poses=tuple(_poses(problem, model, state, c) for c in range(len(problem.cameras))),
-        motions=_motions(model, state, found.plain, time),
+        motions=_moving(problem, _motions(model, state, found.plain, time)),
         sightings=sightings,
         biases=tuple(_bias(problem, found, c) for c in range(len(problem.cameras))),
         findings=found.findings,
@@ -91,10 +93,17 @@ def solution_of(problem: Problem, settings: SolverSettings, found: Outcome, seco
         shared_covariance=shared,
         shared_covariance_robust=shared_robust,
         redundancies=_redundancies(settings, found, squares),
-        motions_robust=() if found.robust is None else _motions(model, state, found.robust, time),
+        motions_robust=() if found.robust is None else _moving(problem, _motions(model, state, found.robust, time)),
+        landmarks=landmarks_of(problem, model, state, found.plain, found.robust, sightings),
+        ground=ground_fits(problem, model, state, found.plain),
         seconds=seconds,
         settings=asdict(settings),
     )
+
+
+def _moving(problem: Problem, motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
+    """Without the landmarks, which have no motion."""
+    return tuple(m for m, t in zip(motions, problem.targets, strict=True) if not t.landmark)
 
 
 def _redundancies(settings: SolverSettings, found: Outcome, square: Floats) -> tuple[Redundancy, ...]:
@@ -207,7 +216,7 @@ def _prior_square(model: Model, state: State) -> float:
     """Squared prior residuals of cameras, frames and splines; `map` only has them."""
     off = (state.camera - model.priors.camera_mean) ** 2 * model.priors.camera_precision
     own = model.pose.prior[model.frames.camera] * state.own**2
-    return float(off.sum() + own.sum()) + wander_square(model, state)
+    return float(off.sum() + own.sum()) + wander_square(model, state) + known_square(model, state)
 
 
 def _degrees_of_freedom(model: Model, observations: int) -> int:
@@ -215,6 +224,8 @@ def _degrees_of_freedom(model: Model, observations: int) -> int:
     own = model.pose.spread[model.frames.camera] * (1 - model.pose.prior[model.frames.camera])
     priors = int(((model.priors.camera_precision > 0) & model.priors.camera_free).sum())
     priors += int((model.order.wander >= 0).sum())
+    if model.known is not None:
+        priors += round(float(model.known.worth.sum())) + model.known.count
     return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
 
 

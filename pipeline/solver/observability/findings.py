@@ -20,6 +20,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError
 from pipeline.records import CameraInput, Clock, Finding, Problem, SolverSettings
+from pipeline.solver.observability.landmarks import landmarks_known
 from pipeline.solver.observability.offset_knowledge import (
     OffsetKnowledge,
     carried,
@@ -37,6 +38,7 @@ from pipeline.solver.observability.ray_bundles import (
     stand_on_one_line,
     stands_still,
 )
+from pipeline.solver.observation.selection import on_known_ground, without_landmarks
 from pipeline.solver.offset_search.search import setting_order
 from pipeline.solver.offset_search.views import View, views
 
@@ -61,6 +63,8 @@ def find_degeneracies(
 
     Raises GeometryError where nothing decides.
     """
+    landmarks_known(problem)
+    problem = without_landmarks(problem)
     seen = views(problem) if seen is None else seen
     degree = _orders(problem, orders)
     _enough_equations(problem, settings, degree)
@@ -70,8 +74,9 @@ def find_degeneracies(
     times = _times(problem, settings, clocks)
     findings = list(_gauge(problem)) if timed else []
     bundles = {target: _bundle(seen, times, target) for target in degree}
+    held = on_known_ground(problem)
     for target, bundle in bundles.items():
-        if bundle is not None and settings.method != "triangulation":
+        if bundle is not None and target not in held and settings.method != "triangulation":
             _distance_known(seen, bundle, target, degree[target])
     if timed and times.keys() == seen.keys():
         findings += _plane(problem, settings, [b for b in bundles.values() if b is not None], degree)
@@ -124,14 +129,14 @@ def _gauge(problem: Problem) -> tuple[Finding, ...]:
 
 def _enough_equations(problem: Problem, settings: SolverSettings, degree: Mapping[str, int | None]) -> None:
     """The paper's counting rules (eq. 8 and section 2.4). Raises GeometryError."""
-    sightings = dict.fromkeys(degree, 0)
+    sightings, held = dict.fromkeys(degree, 0), on_known_ground(problem)
     for camera in problem.cameras:
         for index, name in enumerate(camera.rays.targets):
             if name in sightings:
                 sightings[name] += int((camera.rays.target == index).sum())
     for target, order in degree.items():
         unknown = 3 * ((order or 0) + 1)
-        if 2 * sightings[target] < unknown:
+        if (3 if target in held else 2) * sightings[target] < unknown:
             raise GeometryError(
                 where=f"target {target}",
                 seen=f"{sightings[target]} sightings, which make {2 * sightings[target]} equations",
@@ -139,7 +144,7 @@ def _enough_equations(problem: Problem, settings: SolverSettings, degree: Mappin
                 advice="track it for longer, lower its order, or leave it out",
             )
     motions = sum(3 * ((k or 0) + 1) for k in degree.values())
-    equations = 2 * sum(sightings.values())
+    equations = 2 * sum(sightings.values()) + sum(sightings[name] for name in held)
     frames = sum(len(np.unique(c.rays.frame)) for c in problem.cameras)
     clocks = 2 * len(_others(problem)) if settings.method in TIMED else 0
     unknown = motions + (clocks if settings.method != "map" else 0) + 3 * frames * (settings.method == "algorithm-2")

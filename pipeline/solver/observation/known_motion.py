@@ -34,6 +34,7 @@ class KnownMotion:
     target (K,), time_s (K,) common time, sigma_m (K,)
     axis     (K,) 0 to 2 of a known place; -1: a row on the ground
     level_m  (K,) coordinate of the place, or height above the ground
+    worth    (K,) how much of an equation a row is: rows that share one roughness are one equation together
     shared   (K, 2) which of the ground's errors act, -1 none; shared_sigma_m (G,) their priors
     ground   heights and slopes; None where no row is on the ground
     """
@@ -43,6 +44,7 @@ class KnownMotion:
     sigma_m: Floats
     axis: Ints
     level_m: Floats
+    worth: Floats
     shared: Ints
     shared_sigma_m: Floats
     ground: GroundAt | None = None

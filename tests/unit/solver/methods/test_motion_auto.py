@@ -12,8 +12,8 @@ from pipeline.records import Problem, SolverSettings, TargetInput
 from pipeline.solver import solve
 from pipeline.solver.adjustment.assembly import linear
 from pipeline.solver.observation.pose_wander import wander_knots, wander_penalty
+from pipeline.solver.observation.selection import without_targets
 from pipeline.solver.observation.symmetric import solved
-from pipeline.solver.solve import without_target
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
 from tests.scenes.solver import changed, rich_model
@@ -79,7 +79,7 @@ def test_one_target_without_an_answer_is_left_out_and_the_others_are_solved():
     camera = problem.cameras[1]
     lonely = [camera.rays.targets.index("target3")]
     kept = ~np.isin(camera.rays.target, lonely)
-    alone = replace(without_target(problem, "target3").cameras[1], rays=_only(camera.rays, kept))
+    alone = replace(without_targets(problem, ["target3"]).cameras[1], rays=_only(camera.rays, kept))
     flight = replace(
         problem, cameras=(problem.cameras[0], alone),
         targets=(*problem.targets[:2], TargetInput(target="target3", motion="spline")),

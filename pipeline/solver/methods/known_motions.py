@@ -1,0 +1,198 @@
+"""From the records to the rows of `KnownMotion`: landmarks' places, and targets held against the ground where they go.
+
+A target's way over the ground, from which its rows take their times and roughness, comes from its sight rays: each is
+followed until it meets the ground (`ray_ground.py`). Once the motion is adjusted, rows are made anew along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.errors import GeometryError
+from pipeline.records import Finding, Ground, Problem, TargetInput
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods.ray_ground import Way, way_on_ground
+from pipeline.solver.observation.clocks import common_time_s
+from pipeline.solver.observation.known_motion import NO_SHARED, KnownMotion
+from pipeline.solver.observation.motion_basis import MotionBasis, TargetBasis
+from pipeline.solver.observation.observations import Frames
+
+ROW_S, MOST_ROWS = 0.3, 400
+"""Time between the rows of a target on the ground, as splines' knots, and how many it has at most."""
+SAMPLES = 4
+"""Places for every coefficient, where a motion is laid through a way."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rows:
+    """Of one target: times, sigmas, axes, levels, and which of the ground's errors act."""
+
+    target: int
+    time_s: Floats
+    sigma_m: Floats
+    axis: Ints
+    level_m: Floats
+    worth: Floats
+    shared: Ints
+
+
+def first_known(problem: Problem, frames: Frames, time_s: Floats) -> tuple[KnownMotion | None, dict[int, Way]]:
+    """What is known at the start, and the ways of targets on the ground; `time_s` (F,) are common times.
+
+    Raises GeometryError where a target's ground is not known, or its rays do not meet it.
+    """
+    rows, ways, column = _placed(problem), {}, 1
+    for n, target in enumerate(problem.targets):
+        if target.on_ground and problem.ground is not None:
+            way = way_on_ground(problem, problem.ground, frames, n, time_s)
+            when = _times(float(way.time_s[0]), float(way.time_s[-1]))
+            rows.append(_on_ground(problem.ground, target, n, when, way.at(when), column))
+            ways[n], column = way, column + 1
+    return _joined(problem, rows), ways
+
+
+def renewed_known(problem: Problem, model: Model, state: State) -> Model:
+    """The model with the ground's rows made anew along the motions as they are now."""
+    if problem.ground is None or model.known is None or not (model.known.axis < 0).any():
+        return model
+    time = common_time_s(model.frames, model.drift, state.camera, state.deviation)
+    rows, column = _placed(problem), 1
+    for n, target in enumerate(problem.targets):
+        if target.on_ground:
+            own = time[model.frames.seen[:, n]]
+            when = _times(float(own.min()), float(own.max()))
+            place = model.basis.position(when, state.coefficients)[:, n]
+            rows.append(_on_ground(problem.ground, target, n, when, place, column))
+            column += 1
+    return replace(model, known=_joined(problem, rows))
+
+
+def _times(low_s: float, high_s: float) -> Floats:
+    count = int(np.clip(np.ceil((high_s - low_s) / ROW_S), 1, MOST_ROWS))
+    return low_s + (high_s - low_s) * (np.arange(count) + 0.5) / count
+
+
+def _placed(problem: Problem) -> list[_Rows]:
+    """Three rows for every surveyed landmark."""
+    return [
+        _Rows(
+            target=n, time_s=np.zeros(3), sigma_m=np.array(t.surveyed.sigma_m), axis=np.arange(3),
+            level_m=np.array(t.surveyed.position_enu_m), worth=np.ones(3), shared=np.tile(NO_SHARED, (3, 1)),
+        )
+        for n, t in enumerate(problem.targets)
+        if t.surveyed is not None and not t.check
+    ]  # fmt: skip
+
+
+def _on_ground(ground: Ground, target: TargetInput, n: int, time_s: Floats, place_m: Floats, column: int) -> _Rows:
+    """Rows along a way (k, 3). Rows within one cell share its roughness."""
+    found = ground.at(place_m[:, :2])
+    if not found.known.any():
+        raise _unknown_ground(target, ground, place_m)
+    length = float(np.linalg.norm(np.diff(place_m[:, :2], axis=0), axis=1).sum())
+    shared = max(1.0, len(time_s) / (1 + length / ground.cell_m))
+    good = found.known
+    errors = [0 if ground.common_m > 0 else -1, column if ground.own_m > 0 else -1]
+    return _Rows(
+        target=n, time_s=time_s[good], sigma_m=found.rough_m[good] * np.sqrt(shared),
+        axis=np.full(int(good.sum()), -1), level_m=np.full(int(good.sum()), target.above_ground_m),
+        worth=np.full(int(good.sum()), 1 / shared),
+        shared=np.tile(errors, (int(good.sum()), 1)),
+    )  # fmt: skip
+
+
+def _unknown_ground(target: TargetInput, ground: Ground, place_m: Floats) -> GeometryError:
+    east, north = np.median(place_m[:, :2], axis=0)
+    return GeometryError(
+        where=f"target {target.target}",
+        seen=f"it is on the ground about {east:.0f} m east, {north:.0f} m north of the origin, where {ground.source} "
+        "has no height",
+        expected="a ground whose height is known where its targets are",
+        advice="take a terrain model that covers the place, or leave on_ground out",
+    )
+
+
+def _joined(problem: Problem, rows: list[_Rows]) -> KnownMotion | None:
+    if not rows:
+        return None
+    ground = problem.ground
+    shared = np.concatenate([r.shared for r in rows])
+    own = sum(t.on_ground for t in problem.targets) if ground is not None else 0
+    sigma = np.array([]) if ground is None else np.array([ground.common_m, *[ground.own_m] * own])
+    used = np.unique(shared[shared >= 0])
+    renumbered = np.where(shared >= 0, np.searchsorted(used, shared), -1)
+    return KnownMotion(
+        target=np.concatenate([np.full(len(r.time_s), r.target) for r in rows]),
+        time_s=np.concatenate([r.time_s for r in rows]),
+        sigma_m=np.concatenate([r.sigma_m for r in rows]),
+        axis=np.concatenate([r.axis for r in rows]),
+        level_m=np.concatenate([r.level_m for r in rows]),
+        worth=np.concatenate([r.worth for r in rows]),
+        shared=renumbered,
+        shared_sigma_m=sigma[used] if len(used) else np.zeros(0),
+        ground=None if ground is None else ground.at,
+    )
+
+
+def laid_through(basis: MotionBasis, coefficients: Floats, ways: dict[int, Way], problem: Problem) -> Floats:
+    """Coefficients (P, 3) with the motions of targets on the ground laid through their ways, landmarks at theirs."""
+    out = coefficients.copy()
+    for n, t in enumerate(problem.targets):
+        own = basis.targets[n]
+        if t.surveyed is not None:
+            out[own.first] = t.surveyed.position_enu_m
+        if n in ways:
+            low, high = max(own.knots_s[0], ways[n].time_s[0]), min(own.knots_s[-1], ways[n].time_s[-1])
+            time = np.linspace(low, max(high, low + 1e-6), SAMPLES * own.count + 8)
+            wanted = ways[n].at(time)
+            matrix = np.concatenate([_values(basis, own, time), _smooth(own)])
+            right = np.concatenate([wanted, np.zeros((len(matrix) - len(time), 3))])
+            out[own.first : own.first + own.count] = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    return out
+
+
+def _values(basis: MotionBasis, t: TargetBasis, time_s: Floats) -> Floats:
+    """(n, count): what each coefficient adds to the place at `time_s`."""
+    span = basis.span(time_s)
+    u = (time_s - basis.mid_s[span]) / basis.half_s[span]
+    value = np.einsum("bij,bi->bj", t.transform[span], u[:, None] ** np.arange(basis.degree + 1))
+    out = np.zeros((len(time_s), t.count))
+    out[np.arange(len(time_s))[:, None], t.active[span][:, None] - t.first + np.arange(t.degree + 1)] = value
+    return out
+
+
+def _smooth(t: TargetBasis) -> Floats:
+    """Rows that keep a spline's coefficients even where its way says nothing of them."""
+    return 0.1 * np.diff(np.eye(t.count), n=2, axis=0) if t.kind == "spline" else np.zeros((0, t.count))
+
+
+def ground_gaps(problem: Problem, model: Model, state: State) -> tuple[Finding, ...]:
+    """A finding for every target on the ground that is, at some of its sightings, where the ground is not known."""
+    if problem.ground is None or model.known is None:
+        return ()
+    out, frames = [], model.frames
+    time = common_time_s(frames, model.drift, state.camera, state.deviation)
+    for n, target in enumerate(problem.targets):
+        if not target.on_ground:
+            continue
+        rows = np.flatnonzero(frames.seen[:, n])
+        place = model.basis.position(time[rows], state.coefficients)[:, n]
+        missing = ~problem.ground.at(place[:, :2]).known
+        if missing.any():
+            where = "; ".join(_stretches(frames, rows[missing]))
+            words = f"{target.target} is where {problem.ground.source} has no height ({where}): only sight rays and "
+            words += "its motion before and after hold it there"
+            out.append(Finding(kind="ground-gap", subject=target.target, words=words, carried_by="ground.terrain"))
+    return tuple(out)
+
+
+def _stretches(frames: Frames, rows: Ints) -> list[str]:
+    out = []
+    for c, name in enumerate(frames.cameras):
+        own = frames.frame[rows[frames.camera[rows] == c]]
+        if len(own):
+            out.append(f"{name} frames {own[0]} to {own[-1]}" if len(own) > 1 else f"{name} frame {own[0]}")
+    return out
