@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
@@ -53,6 +54,7 @@ def machine_summary(summary: RunSummary, out: Path, *, solved: bool) -> dict[str
         found["findings"] = solution.get("findings", [])
         found["verdict"] = solution["verdict"]
         found["offsets"] = [{key: clock[key] for key in OFFSET} for clock in solution["clocks"]]
+        found |= {key: solution[key] for key in ("landmarks", "ground") if key in solution}
         found["positions"] = [{key: m[key] for key in POSITION} for m in solution["motions"]]
     return found | {
         "seconds": {name: round(value, 6) for name, value in summary.seconds.items()},
@@ -96,6 +98,25 @@ def verdict_lines(report: dict[str, Any]) -> list[str]:
     for target in report["positions"]:
         sigma = target["typical_sigma_m"]
         lines.append(f"position   {target['target']:<16}{'unknown' if sigma is None else f'{sigma:.3g} m'} (one sigma)")
+    return lines + known_lines(report)
+
+
+def known_lines(report: dict[str, Any]) -> list[str]:
+    """Landmarks and check points against their coordinates, and what the ground is off by."""
+    lines = []
+    for mark in report.get("landmarks", []):
+        word = "check" if mark["kind"] == "check" else "landmark"
+        if "off_m" in mark:
+            off = math.sqrt(sum(v * v for v in mark["off_m"]))
+            told = f"{off:.3g} m from its coordinates ({mark['error_over_sigma']:.2f} sigmas)"
+        else:
+            sigma = math.sqrt(sum(v * v for v in mark["sigma_m"]))
+            told = f"{sigma:.3g} m (one sigma)"
+        lines.append(f"{word:<11}{mark['landmark']:<16}{told}, {mark['sightings']} sightings")
+    for one in report.get("ground", []):
+        lines.append(
+            f"ground     {one['target']:<16}{one['off_m']:+.2f} +- {one['sigma_m']:.2f} m from where it was said"
+        )
     return lines
 
 

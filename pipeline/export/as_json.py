@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline
 
 from calibration.foundation.arrays import Floats
 from pipeline.export.text.cells import utc_texts
-from pipeline.records import Bias, Clock, DepthRange, Motion, Redundancy, Results, Solution, Verdict
+from pipeline.records import Bias, Clock, DepthRange, Landmark, Motion, Redundancy, Results, Solution, Verdict
 
 FORMAT = 1
 """Of solution.json; grows when a reader of the old one would be misled."""
@@ -106,6 +106,7 @@ def _document(results: Results) -> dict[str, Any]:
         "biases": [_bias(b) for b in s.biases],
         "motions": [_motion(m, s, results.typical_sigma_m.get(m.target)) for m in s.motions],
         "depths": [_depth(d) for d in s.depths],
+        **_known(s),
         "shared": _shared(s),
         "redundancies": [_redundancy(r) for r in s.redundancies],
         "offset_candidates": [
@@ -176,6 +177,41 @@ def _depth(of: DepthRange) -> dict[str, Any]:
         "within_68_m": short(np.array(of.within_68_m)),
         "within_95_m": short(np.array(of.within_95_m)),
     }
+
+
+def _known(solution: Solution) -> dict[str, Any]:
+    """Landmarks and ground, where the flight has them."""
+    told: dict[str, Any] = {}
+    if solution.landmarks:
+        told["landmarks"] = [_landmark(mark) for mark in solution.landmarks]
+    if solution.ground:
+        told["ground"] = [
+            {
+                "target": g.target,
+                "off_m": short(np.array(g.off_m)),
+                "sigma_m": short(np.array(g.sigma_m)),
+                "rows": g.rows,
+            }
+            for g in solution.ground
+        ]
+    return told
+
+
+def _landmark(of: Landmark) -> dict[str, Any]:
+    told: dict[str, Any] = {
+        "landmark": of.name,
+        "kind": of.kind,
+        "position_enu_m": of.position_enu_m,
+        "sigma_m": short(of.sigma_m),
+        "sightings": of.sightings,
+        "residual_px": short(np.array(of.residual_px)) if math.isfinite(of.residual_px) else None,
+    }
+    if of.surveyed_enu_m is not None and of.off_m is not None:
+        told["surveyed_enu_m"] = of.surveyed_enu_m
+        told["off_m"] = short(of.off_m)
+        told["off_sigma_m"] = short(of.off_sigma_m)
+        told["error_over_sigma"] = short(np.array(of.error_over_sigma), 6)
+    return told
 
 
 def _redundancy(of: Redundancy) -> dict[str, Any]:

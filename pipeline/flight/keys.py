@@ -77,6 +77,20 @@ def whole(default: int | None = None, *, low: int = 0, high: int = 2**31 - 1) ->
     return read
 
 
+def truth(default: bool = False) -> Reader:
+    """true or false."""
+
+    def read(table: Table, key: str, _: Path) -> bool:
+        value = table.get(key)
+        if value is None:
+            return default
+        if not isinstance(value, bool):
+            raise table.refuse(key, "true or false", f"write {key} = true")
+        return value
+
+    return read
+
+
 def text() -> Reader:
     """Text that is not empty."""
     return lambda table, key, _: table.text(key)

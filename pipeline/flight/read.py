@@ -12,7 +12,14 @@ from calibration.foundation.errors import UsageError
 from calibration.foundation.files import read_bytes
 from pipeline.flight import sections
 from pipeline.flight.keys import read_keys
-from pipeline.flight.settings import CameraSettings, Flight, SolveSettings, TargetSettings
+from pipeline.flight.settings import (
+    CameraSettings,
+    Flight,
+    GroundSettings,
+    LandmarkSettings,
+    SolveSettings,
+    TargetSettings,
+)
 from pipeline.flight.table import Table, nearest
 
 Item = TypeVar("Item")
@@ -36,12 +43,17 @@ def flight_of(raw: bytes, path: Path) -> Flight:
     head, solve = top.table("flight"), top.table("solve")
     cameras = _named(top, "cameras", lambda table, name: sections.camera(table, name, path.parent))
     targets = _named(top, "targets", lambda table, name: sections.target(table, name, path.parent))
+    landmarks = _named(top, "landmarks", lambda table, name: sections.landmark(table, name, path.parent))
+    ground = top.table("ground")
     top.done()
     if not cameras:
         raise top.refuse("cameras", "at least one [cameras.NAME] table", 'add [cameras.uav1] with calibration = "..."')
-    _check_boxes(path, cameras, targets)
+    _check_boxes(path, cameras, targets, landmarks)
     found = {} if head is None else read_keys(head, sections.FLIGHT_KEYS, path.parent)
     reference = _reference(head, found.get("reference_camera"), cameras)
+    solving = SolveSettings() if solve is None else SolveSettings(**read_keys(solve, sections.SOLVE_KEYS, path.parent))
+    level = None if ground is None else sections.ground(ground, path.parent)
+    _check_known(path, targets, landmarks, level, solving)
     return Flight(
         path=path,
         title=found.get("title") or path.resolve().parent.name,
@@ -49,7 +61,9 @@ def flight_of(raw: bytes, path: Path) -> Flight:
         reference_camera=reference,
         cameras=cameras,
         targets=targets,
-        solve=SolveSettings() if solve is None else SolveSettings(**read_keys(solve, sections.SOLVE_KEYS, path.parent)),
+        solve=solving,
+        ground=level,
+        landmarks=landmarks,
     )
 
 
@@ -94,14 +108,45 @@ def _reference(head: Table | None, name: str | None, cameras: tuple[CameraSettin
     return name or names[0]
 
 
-def _check_boxes(path: Path, cameras: tuple[CameraSettings, ...], targets: tuple[TargetSettings, ...]) -> None:
-    names = [c.name for c in cameras]
+def _check_known(
+    path: Path, targets: tuple[TargetSettings, ...], landmarks: tuple[LandmarkSettings, ...],
+    ground: GroundSettings | None, solve: SolveSettings,
+) -> None:  # fmt: skip
+    """What the ground and landmarks need of the rest of the file."""
     for target in targets:
-        for camera in target.boxes:
-            if camera not in names:
-                raise UsageError(
-                    where=f"{path}: targets.{target.name}.boxes.{camera}",
-                    seen="no such camera",
-                    expected="one of " + ", ".join(names),
-                    advice=nearest(camera, names),
-                )
+        if target.on_ground and ground is None:
+            raise UsageError(
+                where=f"{path}: targets.{target.name}.on_ground", seen="true, without a [ground] table",
+                expected="how high the ground is", advice='add [ground] with terrain = "dem.tif" or height_m = 61.2',
+            )  # fmt: skip
+    for mark in landmarks:
+        if mark.name in [t.name for t in targets]:
+            raise UsageError(
+                where=f"{path}: landmarks.{mark.name}", seen="the name of a target", expected="a name of its own",
+                advice="rename one of the two",
+            )  # fmt: skip
+    known = "landmarks" if landmarks else "ground" if any(t.on_ground for t in targets) else ""
+    if known and solve.method != "map":
+        raise UsageError(
+            where=f"{path}: {known}", seen=f'method = "{solve.method}"', expected='method = "map"',
+            advice="only map weighs what is known of the ground and of landmarks: leave solve.method out",
+        )  # fmt: skip
+
+
+def _check_boxes(
+    path: Path, cameras: tuple[CameraSettings, ...], targets: tuple[TargetSettings, ...],
+    landmarks: tuple[LandmarkSettings, ...],
+) -> None:  # fmt: skip
+    names = [c.name for c in cameras]
+    placed = [(f"targets.{t.name}.boxes", camera) for t in targets for camera in t.boxes]
+    placed += [
+        (f"landmarks.{m.name}.{key}", c) for m in landmarks for key in ("boxes", "points") for c in getattr(m, key)
+    ]
+    for key, camera in placed:
+        if camera not in names:
+            raise UsageError(
+                where=f"{path}: {key}.{camera}",
+                seen="no such camera",
+                expected="one of " + ", ".join(names),
+                advice=nearest(camera, names),
+            )

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 from pipeline.flight import keys
 from pipeline.flight.keys import Key
 from pipeline.flight.settings import (
     CameraSettings,
+    GroundSettings,
+    LandmarkSettings,
+    Mark,
     MountSettings,
     StillPose,
     TakeoffSettings,
@@ -171,12 +175,106 @@ TARGET_KEYS = (
     Key("boxes", boxes),
     Key("motion", keys.choice(("auto", "polynomial", "spline"), "auto")),
     Key("order", keys.choice((*range(6), "auto"), "auto")),
+    Key("on_ground", keys.truth()),
+    Key("above_ground_m", keys.number(0.0, low=-100, high=1000)),
 )
 
 
 def target(table: Table, name: str, folder: Path) -> TargetSettings:
     """One `[targets.NAME]` table."""
-    return TargetSettings(name=name, **keys.read_keys(table, TARGET_KEYS, folder))
+    found = keys.read_keys(table, TARGET_KEYS, folder)
+    if found["above_ground_m"] and not found["on_ground"]:
+        raise table.refuse("above_ground_m", "on_ground = true beside it", "add on_ground = true, or leave it out")
+    return TargetSettings(name=name, **found)
+
+
+DATUMS = ("ellipsoid", "msl")
+GROUND_KEYS = (
+    Key("terrain", keys.path()),
+    Key("height_m", keys.number(low=-1000, high=10_000)),
+    Key("datum", keys.choice(DATUMS, None)),
+    Key("sigma_m", keys.number(1.0, low=0, high=1000, above=True)),
+    Key("datum_sigma_m", keys.number(low=0)),
+)
+
+
+def ground(table: Table, folder: Path) -> GroundSettings:
+    """The `[ground]` table."""
+    found = keys.read_keys(table, GROUND_KEYS, folder)
+    if (found["terrain"] is None) == (found["height_m"] is None):
+        key = "terrain" if found["terrain"] is None else "height_m"
+        raise table.refuse(key, "either terrain or height_m", 'write terrain = "dem.tif", or height_m = 61.2')
+    if found["datum_sigma_m"] is not None and found["datum_sigma_m"] > found["sigma_m"]:
+        raise table.refuse("datum_sigma_m", f"at most sigma_m ({found['sigma_m']:g})", "it is a part of sigma_m")
+    return GroundSettings(**found)
+
+
+POINT = "write points.uav1 = [ { frame = 0, x = 612.4, y = 340.2 } ]"
+POINT_KEYS = (
+    Key("frame", keys.whole(0)),
+    Key("x", keys.needed_number(POINT, expected="pixels", low=-1e5, high=1e5), "x_px"),
+    Key("y", keys.needed_number(POINT, expected="pixels", low=-1e5, high=1e5), "y_px"),
+    Key("sigma_px", keys.number(1.0, low=0, high=1000, above=True)),
+)
+
+
+def marks(table: Table, key: str, folder: Path) -> tuple[Mark, ...]:
+    """`[ { frame = 0, x = 612.4, y = 340.2 }, ... ]`, ordered by frame."""
+    value = table.get(key)
+    if not isinstance(value, list) or not value:
+        raise table.refuse(key, "a list of { frame, x, y }", POINT)
+    read = [Table(one, f"{table.place(key)}[{i}]") for i, one in enumerate(value)]
+    found = sorted((Mark(**keys.read_keys(one, POINT_KEYS, folder)) for one in read), key=lambda m: m.frame)
+    for before, after in pairwise(found):
+        if before.frame == after.frame:
+            raise table.refuse(key, f"one mark a frame, and frame {after.frame} has two", "keep one of them")
+    return tuple(found)
+
+
+def points(table: Table, key: str, folder: Path) -> dict[str, tuple[Mark, ...]]:
+    """Marks by camera."""
+    inner = table.table(key)
+    return {} if inner is None else {name: marks(inner, name, folder) for name in inner.content}
+
+
+PLACE_ADVICE = "give lat, lon, height (or east_m, north_m, up_m), or none of them: a still point at an unknown place"
+LANDMARK_KEYS = (
+    Key("lat", keys.number(low=-90, high=90)),
+    Key("lon", keys.number(low=-180, high=180)),
+    Key("height", keys.number(low=-1000, high=100_000)),
+    Key("datum", keys.choice(DATUMS, "ellipsoid")),
+    *(Key(f"{axis}_m", keys.number(low=-1e7, high=1e7)) for axis in ("east", "north", "up")),
+    Key("sigma_m", keys.number(0.05, low=0, high=1e6, above=True)),
+    Key("sigma_up_m", keys.number(low=0, high=1e6, above=True)),
+    Key("check", keys.truth()),
+    Key("points", points),
+    Key("boxes", boxes),
+)
+
+
+def landmark(table: Table, name: str, folder: Path) -> LandmarkSettings:
+    """One `[landmarks.NAME]` table."""
+    found = keys.read_keys(table, LANDMARK_KEYS, folder)
+    world = [found.pop(key) for key in ("lat", "lon", "height")]
+    local = [found.pop(key) for key in ("east_m", "north_m", "up_m")]
+    for first, given in (("lat", world), ("east_m", local)):
+        if any(v is not None for v in given) and any(v is None for v in given):
+            raise table.refuse(first, "all three coordinates", PLACE_ADVICE)
+    if None not in (*world, *local):
+        raise table.refuse("east_m", "either lat, lon, height or east_m, north_m, up_m", PLACE_ADVICE)
+    known = None not in world or None not in local
+    if found["check"] and not known:
+        raise table.refuse("check", "coordinates beside it, to check against", PLACE_ADVICE)
+    if not found["points"] and not found["boxes"]:
+        raise table.refuse("points", "where it is seen, in at least one camera", POINT)
+    both = set(found["points"]) & set(found["boxes"])
+    if both:
+        raise table.refuse("boxes", f"points or a box in camera {min(both)}, not both", "keep one of them")
+    up = found["sigma_m"] if found["sigma_up_m"] is None else found["sigma_up_m"]
+    return LandmarkSettings(
+        name=name, place=None if None in world else Geodetic.from_degrees(*world),
+        enu_m=None if None in local else (local[0], local[1], local[2]), **{**found, "sigma_up_m": up},
+    )  # fmt: skip
 
 
 SOLVE_KEYS = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,13 +87,74 @@ class CameraSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GroundSettings:
+    """The `[ground]` table: a terrain model or one height.
+
+    datum     what heights count from; None: the terrain model's own word (one height: the ellipsoid)
+    sigma_m   of the ground's height along a target's stretch; datum_sigma_m  the part of it that all targets share
+    """
+
+    terrain: Path | None = None
+    height_m: float | None = None
+    datum: Literal["ellipsoid", "msl"] | None = None
+    sigma_m: float = 1.0
+    datum_sigma_m: float | None = None
+
+    @property
+    def common_m(self) -> float:
+        """The part that all targets share: as said, else half of the variance."""
+        return self.sigma_m * math.sqrt(0.5) if self.datum_sigma_m is None else self.datum_sigma_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A still point marked in one frame: pixel (0, 0) is the middle of the top-left pixel. `sigma_px` per axis."""
+
+    frame: int
+    x_px: float
+    y_px: float
+    sigma_px: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandmarkSettings:
+    """One `[landmarks.NAME]` table: a still point; without a place it is unknown.
+
+    place      latitude and longitude in radians, height above `datum`; enu_m  the same in local ENU
+    sigma_m, sigma_up_m  horizontal per axis, and vertical
+    check      its coordinates are only held against the answer
+    points, boxes  where it is seen, by camera
+    """
+
+    name: str
+    place: Geodetic | None = None
+    datum: Literal["ellipsoid", "msl"] = "ellipsoid"
+    enu_m: Vector | None = None
+    sigma_m: float = 0.05
+    sigma_up_m: float = 0.05
+    check: bool = False
+    points: Mapping[str, tuple[Mark, ...]] = field(default_factory=dict)
+    boxes: Mapping[str, Box] = field(default_factory=dict)
+
+    @property
+    def surveyed(self) -> bool:
+        """Whether its place is given."""
+        return self.place is not None or self.enu_m is not None
+
+
+@dataclass(frozen=True, kw_only=True)
 class TargetSettings:
-    """One `[targets.NAME]` table; `boxes` by camera. An `order` that is given means a polynomial."""
+    """One `[targets.NAME]` table; `boxes` by camera. An `order` that is given means a polynomial.
+
+    on_ground, above_ground_m  it stays so high above the ground of `[ground]`
+    """
 
     name: str
     motion: MotionAsked = "auto"
     order: int | Literal["auto"] = "auto"
     boxes: Mapping[str, Box] = field(default_factory=dict)
+    on_ground: bool = False
+    above_ground_m: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +184,13 @@ class Flight:
     cameras: tuple[CameraSettings, ...]
     targets: tuple[TargetSettings, ...]
     solve: SolveSettings = SolveSettings()
+    ground: GroundSettings | None = None
+    landmarks: tuple[LandmarkSettings, ...] = ()
+
+    def boxes(self, camera: str) -> dict[str, Box]:
+        """First boxes in one camera, of targets and of landmarks that are tracked like them."""
+        of_targets = {t.name: t.boxes[camera] for t in self.targets if camera in t.boxes}
+        return of_targets | {m.name: m.boxes[camera] for m in self.landmarks if camera in m.boxes}
 
     def camera(self, name: str) -> CameraSettings:
         """The settings of one camera."""

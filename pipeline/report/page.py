@@ -10,6 +10,7 @@ from pipeline.report.text.markup import Html, joined, tag
 from pipeline.report.views.cameras import orientation
 from pipeline.report.views.clocks import timing
 from pipeline.report.views.correlation import correlations
+from pipeline.report.views.known import known_tables
 from pipeline.report.views.over_time import height_and_speed, uncertainty_figure
 from pipeline.report.views.overhead_map import map_figure
 from pipeline.report.views.provenance import provenance
@@ -50,6 +51,7 @@ def _sections(results: Results) -> list[Section]:
         Section(anchor="map", heading="Map", content=map_figure(results)),
         Section(anchor="space-view", heading="In 3D", content=space_section(results)),
         Section(anchor="targets", heading="Targets", content=targets_table(results)),
+        Section(anchor="known", heading="Landmarks and ground", short="Landmarks", content=known_tables(results)),
         Section(anchor="height", heading="Height and speed", short="Height", content=height_and_speed(results)),
         Section(
             anchor="truth",

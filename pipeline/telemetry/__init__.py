@@ -6,6 +6,7 @@ from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
 from pipeline.telemetry.camera_pose.sigma import log_sigma
 from pipeline.telemetry.clocks.own_clock import log_seconds
 from pipeline.telemetry.excerpts.excerpt import Excerpt
+from pipeline.telemetry.heights.egm96 import geoid_height_m
 from pipeline.telemetry.heights.takeoff import with_takeoff
 from pipeline.telemetry.inspection import Inspection, inspect_log
 from pipeline.telemetry.log.flight_log import (
@@ -40,6 +41,7 @@ __all__ = [
     "covered",
     "event_times",
     "first_position",
+    "geoid_height_m",
     "inspect_log",
     "is_pose_table",
     "log_seconds",

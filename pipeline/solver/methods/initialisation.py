@@ -113,9 +113,18 @@ def statistical_start(
     """The motion by weighted intersection at a candidate's clocks, or by plain intersection where that is enough."""
     camera = first_camera(problem, candidate.offset_s, candidate.frame_rate)
     model, state = first_model(problem, settings, frames, choice, camera)
-    if "spline" in choice.kinds:
-        return model, intersect_weighted(model, state)
-    return model, intersect(model, state)
+    found = intersect_weighted(model, state) if "spline" in choice.kinds else intersect(model, state)
+    return model, found if model.known is None else as_known(model, state, found)
+
+
+def as_known(model: Model, known: State, found: State) -> State:
+    """The state `found` with what is known of motions as it was: rays draw targets into a single camera."""
+    assert model.known is not None
+    coefficients = found.coefficients.copy()
+    for n in np.unique(model.known.target):
+        own = model.basis.targets[int(n)]
+        coefficients[own.first : own.first + own.count] = known.coefficients[own.first : own.first + own.count]
+    return replace(found, coefficients=coefficients, ground=known.ground)
 
 
 def graduated(model: Model, state: State, descent: Descent, small: float = SMALL) -> Fit:

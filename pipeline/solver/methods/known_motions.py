@@ -6,6 +6,7 @@ followed until it meets the ground (`ray_ground.py`). Once the motion is adjuste
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,13 @@ from pipeline.solver.observation.observations import Frames
 
 ROW_S, MOST_ROWS = 0.3, 400
 """Time between the rows of a target on the ground, as splines' knots, and how many it has at most."""
+SMOOTH_S = 0.8
+"""Standard deviation in time of the mean over the ground along a way. Bumps that pass in a second are gone, of those
+that pass in four seconds half is left, about what a spline of white jerk follows. With half as much, hills bend it."""
+ALIKE = 3.5
+"""Length of a mean, in its standard deviations: what it takes away is alike within."""
+BEFORE_AFTER_S: Floats = SMOOTH_S * np.linspace(-2, 2, 9)
+WEIGHT: Floats = np.exp(-0.5 * np.linspace(-2, 2, 9) ** 2) / np.exp(-0.5 * np.linspace(-2, 2, 9) ** 2).sum()
 SAMPLES = 4
 """Places for every coefficient, where a motion is laid through a way."""
 
@@ -36,6 +44,7 @@ class _Rows:
     axis: Ints
     level_m: Floats
     worth: Floats
+    around_m: Floats
     shared: Ints
 
 
@@ -49,7 +58,7 @@ def first_known(problem: Problem, frames: Frames, time_s: Floats) -> tuple[Known
         if target.on_ground and problem.ground is not None:
             way = way_on_ground(problem, problem.ground, frames, n, time_s)
             when = _times(float(way.time_s[0]), float(way.time_s[-1]))
-            rows.append(_on_ground(problem.ground, target, n, when, way.at(when), column))
+            rows.append(_on_ground(problem.ground, target, n, when, way.at, column))
             ways[n], column = way, column + 1
     return _joined(problem, rows), ways
 
@@ -64,8 +73,12 @@ def renewed_known(problem: Problem, model: Model, state: State) -> Model:
         if target.on_ground:
             own = time[model.frames.seen[:, n]]
             when = _times(float(own.min()), float(own.max()))
-            place = model.basis.position(when, state.coefficients)[:, n]
-            rows.append(_on_ground(problem.ground, target, n, when, place, column))
+            ends = float(own.min()), float(own.max())
+
+            def at(time_s: Floats, n: int = n, ends: tuple[float, float] = ends) -> Floats:
+                return np.asarray(model.basis.position(np.clip(time_s, *ends), state.coefficients)[:, n])
+
+            rows.append(_on_ground(problem.ground, target, n, when, at, column))
             column += 1
     return replace(model, known=_joined(problem, rows))
 
@@ -80,24 +93,33 @@ def _placed(problem: Problem) -> list[_Rows]:
     return [
         _Rows(
             target=n, time_s=np.zeros(3), sigma_m=np.array(t.surveyed.sigma_m), axis=np.arange(3),
-            level_m=np.array(t.surveyed.position_enu_m), worth=np.ones(3), shared=np.tile(NO_SHARED, (3, 1)),
+            level_m=np.array(t.surveyed.position_enu_m), worth=np.ones(3),
+            around_m=np.zeros((3, len(WEIGHT), 2)), shared=np.tile(NO_SHARED, (3, 1)),
         )
         for n, t in enumerate(problem.targets)
         if t.surveyed is not None and not t.check
     ]  # fmt: skip
 
 
-def _on_ground(ground: Ground, target: TargetInput, n: int, time_s: Floats, place_m: Floats, column: int) -> _Rows:
-    """Rows along a way (k, 3). Rows within one cell share its roughness."""
-    found = ground.at(place_m[:, :2])
-    if not found.known.any():
-        raise _unknown_ground(target, ground, place_m)
-    length = float(np.linalg.norm(np.diff(place_m[:, :2], axis=0), axis=1).sum())
-    shared = max(1.0, len(time_s) / (1 + length / ground.cell_m))
-    good = found.known
+def _on_ground(
+    ground: Ground, target: TargetInput, n: int, time_s: Floats, way: Callable[[Floats], Floats], column: int
+) -> _Rows:
+    """Rows along a way, times (k,) -> (k, 3). Rows within one cell share its roughness."""
+    place, count = way(time_s)[:, :2], len(time_s)
+    around = np.stack([way(time_s + step)[:, :2] - place for step in BEFORE_AFTER_S], axis=1)
+    found = ground.at((place[:, None] + around).reshape(-1, 2))
+    up, rough = found.up_m.reshape(count, -1), found.rough_m.reshape(count, -1)
+    good = found.known.reshape(count, -1).all(axis=1)
+    if not good.any():
+        raise _unknown_ground(target, ground, place)
+    length = float(np.linalg.norm(np.diff(place, axis=0), axis=1).sum())
+    alike_m = max(ground.cell_m, ALIKE * length * SMOOTH_S / max(float(np.ptp(time_s)), SMOOTH_S))
+    shared = max(1.0, count / (1 + length / alike_m))
+    taken = (up[:, len(WEIGHT) // 2] - up @ WEIGHT) ** 2
+    sigma = np.sqrt((rough**2) @ WEIGHT + np.convolve(np.pad(taken, 3, mode="edge"), np.full(7, 1 / 7), "valid"))
     errors = [0 if ground.common_m > 0 else -1, column if ground.own_m > 0 else -1]
     return _Rows(
-        target=n, time_s=time_s[good], sigma_m=found.rough_m[good] * np.sqrt(shared),
+        target=n, time_s=time_s[good], sigma_m=sigma[good] * np.sqrt(shared), around_m=around[good],
         axis=np.full(int(good.sum()), -1), level_m=np.full(int(good.sum()), target.above_ground_m),
         worth=np.full(int(good.sum()), 1 / shared),
         shared=np.tile(errors, (int(good.sum()), 1)),
@@ -105,7 +127,7 @@ def _on_ground(ground: Ground, target: TargetInput, n: int, time_s: Floats, plac
 
 
 def _unknown_ground(target: TargetInput, ground: Ground, place_m: Floats) -> GeometryError:
-    east, north = np.median(place_m[:, :2], axis=0)
+    east, north = np.median(place_m, axis=0)
     return GeometryError(
         where=f"target {target.target}",
         seen=f"it is on the ground about {east:.0f} m east, {north:.0f} m north of the origin, where {ground.source} "
@@ -131,6 +153,8 @@ def _joined(problem: Problem, rows: list[_Rows]) -> KnownMotion | None:
         axis=np.concatenate([r.axis for r in rows]),
         level_m=np.concatenate([r.level_m for r in rows]),
         worth=np.concatenate([r.worth for r in rows]),
+        around_m=np.concatenate([r.around_m for r in rows]),
+        weight=WEIGHT,
         shared=renumbered,
         shared_sigma_m=sigma[used] if len(used) else np.zeros(0),
         ground=None if ground is None else ground.at,

@@ -34,6 +34,9 @@ BEND = {"none": Loss(), "huber": Loss(kind=HUBER, bend=3.0), "cauchy": Loss(kind
 FIRST_ORDER = 1
 FIRST_JERK = 10.0
 """m / s^2.5: a drone in brisk flight. The data's own strength is estimated later."""
+GROUND_JERK = 2.0
+"""m / s^2.5: a vehicle on the ground. A motion that follows each wiggle of the attitude is cheaper the nearer it is, so
+that what is loose here draws targets towards a single camera. Estimated later, too."""
 KNOTS_S = 0.3
 assert NONE == 0
 TIMED = ("li", "algorithm-1", "algorithm-2", "map")
@@ -66,6 +69,10 @@ def seen_by_one(problem: Problem) -> frozenset[str]:
             name = camera.rays.targets[index]
             count[name] = count.get(name, 0) + 1
     return frozenset(name for name, cameras in count.items() if cameras < 2)
+
+
+def _jerk(target: TargetInput, problem: Problem) -> float:
+    return GROUND_JERK if target.on_ground and problem.ground is not None else FIRST_JERK
 
 
 def _first_kind(target: TargetInput, method: str, lone: bool) -> MotionKind:
@@ -187,7 +194,7 @@ def first_model(
     basis = basis_at(frames, choice, time)
     priors = Priors(
         camera_mean=mean, camera_precision=precision, camera_free=free,
-        jerk=np.full((len(frames.targets), len(basis.grid_s) - 1), FIRST_JERK),
+        jerk=np.tile([[_jerk(t, problem)] for t in problem.targets], (1, len(basis.grid_s) - 1)),
         drift_rate=np.zeros(len(frames.cameras)),
     )  # fmt: skip
     loss = BEND[settings.robust] if settings.method == "map" else Loss()

@@ -6,7 +6,11 @@ A known place is three rows, axis i of the target at any time:
 
 A target on the ground is a row for every time at which it is held against it, linear in the slope where it is:
 
-    (X_up - h(X_east, X_north) - above - b_common - b_own) / sigma = 0
+    (X_up - mean of h(X_east + e_j, X_north + n_j) - above - b_common - b_own) / sigma = 0
+
+The places (e_j, n_j) lie along the way of the target, before and after: a motion is smooth, and a ground whose bumps
+it had to follow would bend it, shrink it, or draw it to where the ground is even. What the mean takes away counts as
+roughness.
 
 b_common and b_own are unknowns with priors: what the whole ground is off by, and what it is off by along one target's
 stretch. sigma is what remains, the roughness that the model's cells do not show. It is alike within a cell, so that the
@@ -35,6 +39,7 @@ class KnownMotion:
     axis     (K,) 0 to 2 of a known place; -1: a row on the ground
     level_m  (K,) coordinate of the place, or height above the ground
     worth    (K,) how much of an equation a row is: rows that share one roughness are one equation together
+    around_m (K, J, 2) places along the way, from the target's own, over which heights are averaged; weight (J,) of them
     shared   (K, 2) which of the ground's errors act, -1 none; shared_sigma_m (G,) their priors
     ground   heights and slopes; None where no row is on the ground
     """
@@ -45,6 +50,8 @@ class KnownMotion:
     axis: Ints
     level_m: Floats
     worth: Floats
+    around_m: Floats
+    weight: Floats
     shared: Ints
     shared_sigma_m: Floats
     ground: GroundAt | None = None
@@ -66,9 +73,10 @@ class KnownMotion:
         off = positions_m[np.arange(len(rows)), axis] - self.level_m[rows]
         if on_ground.any():
             assert self.ground is not None
-            found = self.ground(positions_m[on_ground, EAST_NORTH])
-            off[on_ground] -= found.up_m
-            normal[on_ground, EAST_NORTH] = -found.slope
+            places = positions_m[on_ground, None, EAST_NORTH] + self.around_m[rows[on_ground]]
+            found = self.ground(places.reshape(-1, 2))
+            off[on_ground] -= found.up_m.reshape(places.shape[:2]) @ self.weight
+            normal[on_ground, EAST_NORTH] = -np.einsum("kjx,j->kx", found.slope.reshape(places.shape), self.weight)
             padded = np.append(errors_m, 0.0)  # -1: none
             off -= padded[self.shared[rows]].sum(axis=1)
         return off / self.sigma_m[rows], normal / self.sigma_m[rows, None]

@@ -13,7 +13,7 @@ from calibration.foundation.errors import InputFileError, UsageError
 from calibration.foundation.progress import Progress
 from pipeline.export import read_detections_csv, read_tracks_csv
 from pipeline.flight import CameraSettings, Flight
-from pipeline.records import Box, ImageTrack
+from pipeline.records import TRACKED, Box, ImageTrack
 from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock, video_time_s
 from pipeline.tracking import TrackingSettings, VideoTracks, track_video, write_overlay
 
@@ -25,7 +25,7 @@ def boxes_of(flight: Flight, camera: CameraSettings) -> dict[str, Box]:
 
     Raises UsageError where there are none.
     """
-    boxes = {t.name: t.boxes[camera.name] for t in flight.targets if camera.name in t.boxes}
+    boxes = flight.boxes(camera.name)
     if not boxes:
         raise UsageError(
             where=flight.key(camera.name, "video"),
@@ -113,6 +113,34 @@ def read_tracks(flight: Flight, out: Path) -> tuple[ImageTrack, ...]:
             if not own:
                 raise _untracked(flight, camera, out)
             found += own
+        found += marks_of(flight, camera)
+    return tuple(found)
+
+
+def marks_of(flight: Flight, camera: CameraSettings) -> tuple[ImageTrack, ...]:
+    """The landmarks that the flight file marks in one camera, a track of few points each."""
+    marked = [(mark.name, mark.points[camera.name]) for mark in flight.landmarks if camera.name in mark.points]
+    if not marked:
+        return ()
+    clock = video_clock(camera)
+    rate = frame_rate(flight, camera, clock)
+    found = []
+    for name, points in marked:
+        frame = np.array([p.frame for p in points], dtype=np.int64)
+        if clock is not None and frame[-1] >= len(clock.time_s):
+            raise UsageError(
+                where=f"{flight.path}: landmarks.{name}.points.{camera.name}",
+                seen=f"frame {frame[-1]}",
+                expected=f"frames 0 to {len(clock.time_s) - 1} of {camera.video}",
+                advice="frames count from 0",
+            )
+        found.append(
+            ImageTrack(
+                camera=camera.name, target=name, frame=frame, time_s=video_time_s(frame, rate, clock),
+                xy_px=np.array([[p.x_px, p.y_px] for p in points]), sigma_px=np.array([p.sigma_px for p in points]),
+                state=np.full(len(points), TRACKED),
+            )
+        )  # fmt: skip
     return tuple(found)
 
 
@@ -133,6 +161,8 @@ def _untracked(flight: Flight, camera: CameraSettings, out: Path) -> UsageError:
 
 
 def wanted(flight: Flight, tracks: tuple[ImageTrack, ...]) -> tuple[ImageTrack, ...]:
-    """The tracks of the targets that the flight file names; all, where it names none."""
+    """The tracks of the targets and landmarks that the flight file names; all, where it names no target."""
     names = [t.name for t in flight.targets]
+    if names:
+        names += [mark.name for mark in flight.landmarks]
     return tuple(t for t in tracks if not names or t.target in names)

@@ -11,9 +11,11 @@ from calibration.camera import CameraModel, focal_effect
 from calibration.foundation.arrays import Ints
 from calibration.foundation.errors import GeometryError, InputFileError, UsageError
 from pipeline.flight import CameraSettings, Flight
+from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import CameraInput, ImageTrack, PoseTrack, Problem, SightRays, TargetInput
 from pipeline.stages.inputs.cameras import camera_notes
 from pipeline.stages.poses.measured import MeasuredPoses
+from pipeline.stages.problem.known import ground_of, landmarks
 from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
 from pipeline.stages.problem.rays import check_inside, sight_rays
 from pipeline.telemetry import is_pose_table
@@ -29,18 +31,21 @@ class BuiltProblem:
 
 
 def build_problem(
-    flight: Flight, tracks: Sequence[ImageTrack], measured: Sequence[MeasuredPoses], models: Mapping[str, CameraModel]
-) -> BuiltProblem:
-    """The problem of a flight.
+    flight: Flight, tracks: Sequence[ImageTrack], measured: Sequence[MeasuredPoses], models: Mapping[str, CameraModel],
+    origin: Geodetic | None = None,
+) -> BuiltProblem:  # fmt: skip
+    """The problem of a flight; `origin` of its ENU, which ground and surveyed landmarks need.
 
     Raises InputFileError where a fix lies outside of its image, GeometryError where no target is left.
     """
-    targets = _targets(flight, tracks)
+    moving = _targets(flight, tracks)
+    still = landmarks(flight, tracks, origin)
+    targets = (*moving, *still)
     names = tuple(t.target for t in targets)
     inputs, notes = [], []
     for pose in measured:
         own = [t for t in tracks if t.camera == pose.camera and t.target in names and t.seen.any()]
-        if not own:
+        if not any(t.target in {m.target for m in moving} for t in own):
             notes.append(f"camera {pose.camera} sees no target and takes no part")
             continue
         notes += camera_notes(pose.camera, models[pose.camera])
@@ -54,12 +59,21 @@ def build_problem(
             rays = replace(rays, focal_effect=focal_effect(models[pose.camera], rays.direction_cam))
         inputs.append(_camera(flight, replace(pose, sigma=own_sigma), rays, measured))
     _check_common(flight, inputs)
-    problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)
+    seen = {c.rays.targets[i] for c in inputs for i in np.unique(c.rays.target)}
+    unseen = [t.target for t in still if t.target not in seen]
+    notes += [f"landmark {name} is seen by no camera that takes part" for name in unseen]
+    ground, told = ground_of(flight, inputs, origin)
+    problem = Problem(
+        cameras=tuple(inputs), targets=tuple(t for t in targets if t.target not in unseen),
+        reference_camera=flight.reference_camera, ground=ground,
+    )  # fmt: skip
+    notes += told
     return BuiltProblem(problem=problem, models=models, notes=tuple(notes))
 
 
 def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput, ...]:
-    seen = dict.fromkeys(t.target for t in tracks if t.seen.any())
+    still = {mark.name for mark in flight.landmarks}
+    seen = dict.fromkeys(t.target for t in tracks if t.seen.any() and t.target not in still)
     if flight.targets:
         chosen = [t for t in flight.targets if t.name in seen]
         if not chosen:
@@ -69,7 +83,12 @@ def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput,
                 expected=f"names of tracked targets ({', '.join(seen) or 'there are none'})",
                 advice="use the names of the target column, or leave [targets] out to take them all",
             )
-        return tuple(TargetInput(target=t.name, motion=t.motion, order=t.order) for t in chosen)
+        return tuple(
+            TargetInput(
+                target=t.name, motion=t.motion, order=t.order, on_ground=t.on_ground, above_ground_m=t.above_ground_m
+            )
+            for t in chosen
+        )
     if not seen:
         raise GeometryError(
             where=str(flight.path),

@@ -44,7 +44,7 @@ def place_sigma_px(flight: Flight, camera: CameraSettings) -> tuple[float, float
     A box is drawn around a target as this camera sees it, and its look changes with the direction. Detections made
     elsewhere are taken as the same physical point.
     """
-    boxes = [t.boxes[camera.name] for t in flight.targets if camera.name in t.boxes]
+    boxes = list(flight.boxes(camera.name).values())
     if camera.tracks is not None or not boxes:
         return 0.0, 0.0
     size = float(np.median([math.sqrt(box.width * box.height) for box in boxes]))

@@ -51,11 +51,13 @@ def check_files(flight: Flight, *, cameras_later: bool = False) -> None:
         for key in FILE_KEYS:
             path: Path | None = getattr(camera, key)
             if path is not None and not (cameras_later and key == "calibration" and not path.exists()):
-                _check_file(flight, camera.name, key, path)
+                _check_file(flight, f"cameras.{camera.name}", key, path)
+    if flight.ground is not None and flight.ground.terrain is not None:
+        _check_file(flight, "ground", "terrain", flight.ground.terrain)
 
 
-def _check_file(flight: Flight, camera: str, key: str, path: Path) -> None:
-    expected = f"what cameras.{camera}.{key} in {flight.path} names"
+def _check_file(flight: Flight, table: str, key: str, path: Path) -> None:
+    expected = f"what {table}.{key} in {flight.path} names"
     if not path.exists():
         photos = "make it with `runningfix calibrate`" if key == "calibration" else "check the name"
         raise InputFileError(

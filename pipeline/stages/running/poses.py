@@ -14,7 +14,7 @@ from pipeline.export import poses_csv
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack
 from pipeline.stages.inputs.sources import Sources, open_sources
-from pipeline.stages.inputs.tracks import detections
+from pipeline.stages.inputs.tracks import detections, marks_of
 from pipeline.stages.poses.measure import measure_poses
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.running.ledger import Ledger, key_of, writing
@@ -33,6 +33,7 @@ def measuring(flight: Flight, progress: Progress) -> Measure:
         for camera in flight.cameras:
             if camera.tracks is not None:
                 own += detections(flight, camera)
+            own += marks_of(flight, camera)
         sources = open_sources(flight, lambda name, share: progress(f"log {name}", int(100 * share), 100))
         return sources, measure_poses(flight, sources, tuple(own), progress)
 

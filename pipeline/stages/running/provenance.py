@@ -26,6 +26,8 @@ def input_files(flight: Flight) -> dict[str, Path]:
             path = getattr(camera, key)
             if path is not None and path.exists():
                 files[f"cameras.{camera.name}.{key}"] = path
+    if flight.ground is not None and flight.ground.terrain is not None and flight.ground.terrain.exists():
+        files["ground.terrain"] = flight.ground.terrain
     return files
 
 

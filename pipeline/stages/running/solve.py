@@ -66,7 +66,7 @@ def solve_into(
     with clock.stage("compile"):
         make_ready(lambda done, of: progress("compile the solver, once", done, of))
     with clock.stage("solve"):
-        built = build_problem(flight, tracks, measured, models)
+        built = build_problem(flight, tracks, measured, models, opened.origin)
         progress("solve", 0, 1)
         solution = solve(built.problem, chosen)
         progress("solve", 1, 1)

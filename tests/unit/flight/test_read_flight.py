@@ -144,3 +144,61 @@ def test_a_missing_flight_file_is_an_input_error(tmp_path):
     with pytest.raises(InputFileError, match="no such file") as caught:
         read_flight(tmp_path / "nowhere.toml")
     assert caught.value.exit_code == 3
+
+
+KNOWN = """
+[ground]
+height_m = 61.2
+sigma_m = 2.0
+[landmarks.mast]
+lat = 28.2001
+lon = 112.9003
+height = 61.5
+sigma_m = 0.05
+points.uav1 = [ { frame = 200, x = 598.0, y = 351.7 }, { frame = 0, x = 612.4, y = 340.2, sigma_px = 0.5 } ]
+[landmarks.stone]
+boxes.uav2 = { frame = 0, box = [10, 10, 8, 8] }
+"""
+
+
+def known(tmp_path, old="", new=""):
+    text = WHOLE.replace('method = "algorithm-2"', 'method = "map"').replace("order = 1", "order = 1\non_ground = true")
+    text += KNOWN
+    assert old in text
+    return flight(tmp_path, text.replace(old, new) if old else text)
+
+
+def test_ground_and_landmarks(tmp_path):
+    found = known(tmp_path)
+    assert (found.ground.height_m, found.ground.datum) == (61.2, None)
+    assert found.ground.common_m == pytest.approx(math.sqrt(2))
+    mast, stone = found.landmarks
+    assert [(p.frame, p.sigma_px) for p in mast.points["uav1"]] == [(0, 0.5), (200, 1.0)]
+    assert mast.sigma_up_m == 0.05
+    assert (mast.surveyed, stone.surveyed) == (True, False)
+    assert found.targets[0].on_ground
+    assert set(found.boxes("uav2")) == {"stone"}
+
+
+@pytest.mark.parametrize(("old", "new", "where"), [
+    ("height_m = 61.2", "", "ground.terrain"),
+    ("height_m = 61.2", 'height_m = 61.2\nterrain = "a.tif"', "ground.height_m"),
+    ("height_m = 61.2", 'height_m = 61.2\ndatum = "navd88"', "ground.datum"),
+    ("sigma_m = 2.0", "sigma_m = 0", "ground.sigma_m"),
+    ("sigma_m = 2.0", "sigma_m = 2.0\ndatum_sigma_m = 3", "ground.datum_sigma_m"),
+    ("[ground]\nheight_m = 61.2\nsigma_m = 2.0", "", "targets.car1.on_ground"),
+    ("on_ground = true", "above_ground_m = 1", "targets.car1.above_ground_m"),
+    ("on_ground = true", "on_ground = 1", "targets.car1.on_ground"),
+    ("lon = 112.9003", "", "landmarks.mast.lat"),
+    ("sigma_m = 0.05", "sigma = 0.05", "landmarks.mast.sigma"),
+    ("x = 598.0, ", "", "landmarks.mast.points.uav1[0].x"),
+    ("frame = 200", "frame = 0", "landmarks.mast.points.uav1"),
+    ("points.uav1", "points.uav9", "landmarks.mast.points.uav9"),
+    ("[landmarks.stone]", "[landmarks.stone]\ncheck = true", "landmarks.stone.check"),
+    ("[landmarks.stone]", "[landmarks.car1]", "landmarks.car1"),
+    ('method = "map"', 'method = "li"', "landmarks"),
+])  # fmt: skip
+def test_mistakes_about_ground_and_landmarks_name_their_place(tmp_path, old, new, where):
+    with pytest.raises(UsageError) as caught:
+        known(tmp_path, old, new)
+    assert caught.value.where.endswith(f" {where}")
