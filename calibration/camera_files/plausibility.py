@@ -125,10 +125,11 @@ def implied_size(K: Floats) -> str:
 
 
 def doubts(camera: CameraModel) -> tuple[str, ...]:
-    """What few cameras have and should be looked at, one sentence each; none where nothing is known of the size."""
-    size, K, words = camera.image_size, camera.K, []
+    """What few cameras have and should be looked at, one sentence each; little where nothing is known of the size."""
+    size, K = camera.image_size, camera.K
+    words = [str(camera.made["note"])] if "note" in camera.made else []
     if size == UNKNOWN_SIZE:
-        return ()
+        return tuple(words)
     if max(off_centre(K, size)) > OFF_CENTRE and "area" not in camera.made:
         words.append(
             f"the principal point {K[0, 2]:.0f}, {K[1, 2]:.0f} is far from the middle of a {size[0]} x {size[1]} image "

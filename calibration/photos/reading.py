@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
-from calibration.photos.metadata import metadata_of
+from calibration.photos.metadata import RESIZED_KEY, metadata_of
 
 PHOTO_SUFFIXES = frozenset([".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".jp2"])
 UNREAD_SUFFIXES = frozenset(
@@ -115,7 +115,19 @@ def read_photo(path: Path) -> Photo:
             expected="a photo that can be decoded",
             advice=EXPORT if kind else "copy it from the camera again, or leave it out",
         )
-    return Photo(name=path.name, gray=to_eight_bits(stored), taken={**metadata_of(raw), "turned_deg": "0"})
+    taken = {**_with_size(metadata_of(raw), (stored.shape[1], stored.shape[0])), "turned_deg": "0"}
+    return Photo(name=path.name, gray=to_eight_bits(stored), taken=taken)
+
+
+def _with_size(said: Mapping[str, str], size: tuple[int, int]) -> dict[str, str]:
+    """What a photo says, the size that its camera wrote only where the photo is of another one."""
+    rest = {key: value for key, value in said.items() if not key.startswith("wrote_")}
+    wrote = said.get("wrote_width", ""), said.get("wrote_height", "")
+    if all(side.isdigit() and int(side) > 0 for side in wrote):
+        width, height = map(int, wrote)
+        if (width, height) not in (size, size[::-1]):
+            rest[RESIZED_KEY] = f"{width}x{height}"
+    return rest
 
 
 def to_eight_bits(stored: cv2.typing.MatLike) -> cv2.typing.MatLike:

@@ -53,6 +53,12 @@ CHECKS = (
         says="40 rendered pairs of like cameras in one folder, and 20 single cameras: refused or named where wrong",
     ),
     Check(
+        name="camera-mistakes",
+        module="check_camera_mistakes",
+        minutes=2,
+        says="camera files of data/flight that do not fit its video; copies of calibration photos",
+    ),
+    Check(
         name="charuco",
         module="check_charuco",
         minutes=6,
