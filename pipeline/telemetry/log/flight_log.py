@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
 
-LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt"]
+LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt", "misb klv"]
 EARTH, HEADING, BODY = 0, 1, 2
 Datum = Literal["ellipsoid", "mean sea level", "home"]
 
@@ -178,6 +178,7 @@ class FlightLog:
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, and which message says so
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
+    video_start_s, video_start_sigma_s  log time of frame 0 of the video that the log lies in; NaN where it lies in none
     takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
     notes               one sentence each: what a careful reader should know
     excerpt_s           the log time that was read whole, where the rest was only sampled (`counts` and series hold what
@@ -201,6 +202,8 @@ class FlightLog:
     utc: ClockModel | None = None
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
+    video_start_s: float = float("nan")
+    video_start_sigma_s: float = float("nan")
     takeoff_given: bool = False
     notes: tuple[str, ...] = ()
     excerpt_s: tuple[float, float] | None = None
