@@ -129,6 +129,8 @@ def _from_log(
     sigma = sigma_in_force(camera, log_sigma(log), knows_utc=utc is not None)
     if found is not None and found.sigma_s is not None and "start_s" not in camera.sigma:
         sigma = replace(sigma, start_s=found.sigma_s)
+    elif camera.start == CAMERA_EVENT and "start_s" not in camera.sigma:
+        sigma = replace(sigma, start_s=log.camera_event_sigma_s)
     return MeasuredPoses(
         camera=camera.name,
         poses=at(frame, log_time_s),
