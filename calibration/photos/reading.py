@@ -27,6 +27,8 @@ UNREAD_SUFFIXES = frozenset(
 VIDEO_SUFFIXES = frozenset([".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".m2ts", ".webm", ".mpg", ".mpeg"])
 
 KNOWN_SUFFIXES = PHOTO_SUFFIXES | VIDEO_SUFFIXES | UNREAD_SUFFIXES
+BGR_WEIGHTS = np.array([0.114, 0.587, 0.299], np.float32)
+"""Of blue, green and red in gray (ITU-R BT.601), as OpenCV has them."""
 STRETCH_SHARE = 0.001
 """Of the pixels that may lie outside when 16 bits or floats are brought to 8: dead and hot ones. Doubled it clips more
 of a board's darkest and brightest squares, which moves no corner."""
@@ -107,6 +109,8 @@ def read_photo(path: Path) -> Photo:
     raw = read_bytes(path, expected="a photo")
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     stored = cv2.imdecode(np.frombuffer(raw, np.uint8), flags) if raw else None
+    if raw and (stored is None or stored.min() == stored.max()):
+        stored = _with_channels(raw)
     if stored is None:
         kind = _unread_kind(raw)
         raise InputFileError(
@@ -117,6 +121,22 @@ def read_photo(path: Path) -> Photo:
         )
     taken = {**_with_size(metadata_of(raw), (stored.shape[1], stored.shape[0])), "turned_deg": "0"}
     return Photo(name=path.name, gray=to_eight_bits(stored), taken=taken)
+
+
+def _with_channels(raw: bytes) -> cv2.typing.MatLike | None:
+    """Gray of what is not decoded as gray (colours as floats), or is drawn in the alpha channel only: over white."""
+    stored = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_UNCHANGED)
+    if stored is None or stored.ndim < 3:
+        return stored
+    colours = np.asarray(stored[..., :3] if stored.shape[2] >= 3 else stored[..., :1], np.float32)
+    gray = colours @ BGR_WEIGHTS if colours.shape[2] == 3 else colours[..., 0]
+    if stored.shape[2] in (2, 4):
+        top = float(np.iinfo(stored.dtype).max) if np.issubdtype(stored.dtype, np.integer) else 1.0
+        share = np.asarray(stored[..., -1], np.float32) / top
+        gray = share * gray + (1 - share) * top
+    return np.asarray(
+        np.rint(gray) if stored.dtype == np.uint8 else gray, np.uint8 if stored.dtype == np.uint8 else None
+    )
 
 
 def _with_size(said: Mapping[str, str], size: tuple[int, int]) -> dict[str, str]:

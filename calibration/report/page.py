@@ -22,7 +22,6 @@ MEANING = {
     "usable": "Usable, with what is said below in mind",
     "poor": "Poor: do not use it",
 }
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 def calibration_page(
@@ -45,7 +44,7 @@ def calibration_page(
         f'<section id="{anchor}"><h2>{heading}</h2>{inside}</section>' for anchor, heading, inside in sections
     )
     return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{POLICY}">
+<html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">
 <title>{escape(title)}</title><style>
 {_style()}</style></head><body>
@@ -68,11 +67,15 @@ def _header(found: Calibration, title: str) -> str:
     return (
         f'<header><p class="kicker">{escape(words)}</p><h1>{escape(title)}</h1>'
         f'<p class="verdict {found.verdict}"><span class="mark" aria-hidden="true">{MARKS[found.verdict]}</span>'
-        f"<span>{MEANING[found.verdict]}, {escape(found.part)}.</span></p>{_tiles(found)}"
+        f"<span>{escape(_verdict(found))}</span></p>{_tiles(found)}"
         f"{_list('What is wrong', found.warnings, found.verdict)}"
         f"{_list('What to photograph next', found.advice, 'next')}"
         "</header>"
     )
+
+
+def _verdict(found: Calibration) -> str:
+    return f"{MEANING[found.verdict]}." if found.verdict == "poor" else f"{MEANING[found.verdict]}, {found.part}."
 
 
 def _tiles(found: Calibration) -> str:

@@ -157,7 +157,7 @@ def words(found: Calibration, files: list[str]) -> str:
         f"reprojection     {found.rms_px:.3f} px RMS, {found.held_out_px:.3f} px for views left out",
         f"a direction      {found.direction_sigma.typical_px:.2f} px (one sigma, where boards were seen)",
         *coverage_words(found),
-        f"verdict          {found.verdict}, {found.part}",
+        f"verdict          {found.verdict}" + ("" if found.verdict == "poor" else f", {found.part}"),
         *(f"{'to photograph' if i == 0 else '':<17}{line}" for i, line in enumerate(found.advice)),
         f"written          {', '.join(files)}",
     ])  # fmt: skip
