@@ -131,12 +131,10 @@ def _with_channels(raw: bytes) -> cv2.typing.MatLike | None:
     colours = np.asarray(stored[..., :3] if stored.shape[2] >= 3 else stored[..., :1], np.float32)
     gray = colours @ BGR_WEIGHTS if colours.shape[2] == 3 else colours[..., 0]
     if stored.shape[2] in (2, 4):
-        top = float(np.iinfo(stored.dtype).max) if np.issubdtype(stored.dtype, np.integer) else 1.0
+        top = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(stored.dtype, 1.0)
         share = np.asarray(stored[..., -1], np.float32) / top
         gray = share * gray + (1 - share) * top
-    return np.asarray(
-        np.rint(gray) if stored.dtype == np.uint8 else gray, np.uint8 if stored.dtype == np.uint8 else None
-    )
+    return np.asarray(np.rint(gray), np.uint8) if stored.dtype == np.uint8 else gray
 
 
 def _with_size(said: Mapping[str, str], size: tuple[int, int]) -> dict[str, str]:
