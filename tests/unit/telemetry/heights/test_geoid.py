@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-import pyproj
 import pytest
 
 from pipeline.telemetry.heights import egm96, geoid
@@ -15,17 +14,15 @@ LAT, LON = np.radians([28.2, -45.0]), np.radians([112.9, 250.0])
 
 
 @pytest.fixture
-def grid(tmp_path):
-    """A grid of PROJ's (GTX) under EGM2008's name: 10 m, and 0.1 m more for each degree of latitude."""
+def grid(tmp_path, monkeypatch):
+    """A grid of PROJ's (GTX) in EGM2008's stead: 10 m, and 0.1 m more for each degree of latitude."""
     rows, columns = 19, 37
     head = struct.pack(">4d2i", -90.0, -180.0, 10.0, 10.0, rows, columns)
     value = np.repeat(10.0 + 0.1 * np.arange(-90.0, 91.0, 10.0), columns)
     (tmp_path / "egm08_25.gtx").write_bytes(head + value.astype(">f4").tobytes())
-    before = pyproj.datadir.get_data_dir()
-    pyproj.datadir.append_data_dir(str(tmp_path))
+    monkeypatch.setattr(geoid, "GRIDS", ("none.gtx", str(tmp_path / "egm08_25.gtx")))
     geoid._egm2008.cache_clear()
     yield
-    pyproj.datadir.set_data_dir(before)
     geoid._egm2008.cache_clear()
 
 
