@@ -122,7 +122,7 @@ CAMERA_KEYS = (
     Key("video", keys.path()),
     Key("video_area", video_area),
     Key("tracks", keys.path()),
-    Key("telemetry", keys.path()),
+    Key("telemetry", keys.telemetry),
     Key("pose", keys.section(POSE_KEYS, still_pose)),
     Key("tracker", keys.choice(TRACKERS, "kcf")),
     Key("dialect", keys.dialect),

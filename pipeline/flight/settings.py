@@ -14,6 +14,8 @@ from pipeline.records.problem import ClockKind, Method, Robust
 
 Vector = tuple[float, float, float]
 CAMERA_EVENT, AUTO = "camera-event", "auto"
+IN_THE_VIDEO = "video"
+"""`telemetry` where the video itself carries it."""
 """`start` in words: the first exposure that the log knows of; found by the camera's turning."""
 
 
