@@ -11,7 +11,19 @@ from functools import partial
 from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
-OWN_MODULES = ("board", "boresight", "calibrate", "camera", "check", "demo", "detect", "experiment", "inspect", "label")
+OWN_MODULES = (
+    "board",
+    "boresight",
+    "calibrate",
+    "camera",
+    "check",
+    "demo",
+    "detect",
+    "doctor",
+    "experiment",
+    "inspect",
+    "label",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

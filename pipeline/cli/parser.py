@@ -53,6 +53,10 @@ def build_parser() -> argparse.ArgumentParser:
         _flight_command(commands, name, what)
     _boresight(commands)
     _inspect(commands)
+    doctor = _command(
+        commands, "doctor", "is this installation whole: packages, folders, a self-test", "runningfix doctor"
+    )
+    doctor.add_argument("--quick", action="store_true", help="only look at what is installed, without the self-test")
     _demo(commands)
     _experiment(commands)
     return parser
