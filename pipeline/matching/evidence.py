@@ -18,7 +18,7 @@ from pipeline.matching.settings import MatchSettings
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomials:
-    """Of pairs of tracks (..., n): basis (..., n, P) whitened, its normal matrix inverse (..., P, P), half time (...)."""
+    """Of pairs of tracks (..., n): basis (..., n, P) whitened, inverse normal matrix (..., P, P), half time (...)."""
 
     basis: Floats
     inverse: Floats
@@ -27,7 +27,8 @@ class Polynomials:
     def of(self, value: Floats, weight: Floats) -> Floats:
         """Coefficients (..., P) of values (..., n) by their weights, 1 / sigma (..., n), 0 where missing."""
         moment = np.einsum("...np,...n->...p", self.basis, np.where(weight > 0, value, 0.0) * weight)
-        return np.einsum("...pq,...q->...p", self.inverse, moment)
+        found: Floats = np.einsum("...pq,...q->...p", self.inverse, moment)
+        return found
 
 
 WEAK = 1e-7
@@ -35,7 +36,7 @@ WEAK = 1e-7
 
 
 def polynomials(time_s: Floats, weight: Floats, orders: int) -> Polynomials:
-    """The polynomials of pairs over the times (n,) that they have in common: weights (..., n), 0 where they have none."""
+    """The polynomials of pairs over the times (n,) they have in common: weights (..., n), 0 where they have none."""
     seen = weight > 0
     first = np.min(np.where(seen, time_s, np.inf), axis=-1)
     last = np.max(np.where(seen, time_s, -np.inf), axis=-1)
@@ -62,12 +63,14 @@ SHAPES = (1.0, 1.0, 1 / 3, 1 / 15, 1 / 105)
 
 
 def different_m(half_s: Floats, settings: MatchSettings, kind: str) -> Floats:
-    """One sigma (..., P) of the coefficients of two different targets, metres; `kind`: "free", "alike", "still", "wild"."""
+    """One sigma (..., P) of the coefficients of two different targets, metres; `kind` is one of `sweep.kinds`."""
+    if kind == "near":
+        return np.asarray(settings.near_m / settings.apart_m * different_m(half_s, settings, "still"))
     if kind == "wild":
-        return settings.wild_factor * different_m(half_s, settings, "free")
+        return np.asarray(settings.wild_factor * different_m(half_s, settings, "free"))
     if kind == "still":
-        return settings.apart_m * np.ones((*half_s.shape, 1)) * np.array(MOVED_ROUND)[: settings.orders]
-    elif kind == "alike":
+        return np.asarray(settings.apart_m * np.ones((*half_s.shape, 1)) * np.array(MOVED_ROUND)[: settings.orders])
+    if kind == "alike":
         rates = (settings.apart_m, settings.alike_mps, settings.alike_mps2, 0.3 * settings.alike_mps2, 0.0)
     else:
         rates = (settings.apart_m, settings.speed_mps, settings.bend_mps2, 0.3 * settings.bend_mps2, 0.1)

@@ -79,7 +79,7 @@ def _one_camera(joint: Joint, told: Floats, label: Ints, camera: int, forbidden:
     groups = _groups_without(joint, label, camera)
     gain = np.full((len(mine), len(groups)), -np.inf)
     for k, members in enumerate(groups):
-        gain[:, k] = told[np.ix_(mine, members)].mean(axis=1)
+        gain[:, k] = told[mine][:, members].mean(axis=1)
         if forbidden is not None and any(m in forbidden for m in members):
             gain[np.isin(mine, forbidden), k] = -np.inf
     label = label.copy()
@@ -88,9 +88,9 @@ def _one_camera(joint: Joint, told: Floats, label: Ints, camera: int, forbidden:
         label[members] = k if len(members) > 1 else ALONE
     if not groups or not (gain > 0).any():
         return label
-    for r, k in zip(*linear_sum_assignment(-np.maximum(gain, 0.0)), strict=True):
-        if gain[r, k] > 0:
-            label[[mine[r], *groups[k]]] = k
+    for row, place in zip(*linear_sum_assignment(-np.maximum(gain, 0.0)), strict=True):
+        if gain[row, place] > 0:
+            label[[mine[row], *groups[int(place)]]] = place
     return label
 
 
@@ -98,7 +98,7 @@ def _table(joint: Joint, told: Floats) -> Floats:
     """What pairs are worth, by both their tracks; minus infinity where they cannot be."""
     found = np.full((len(joint.camera_of), len(joint.camera_of)), -np.inf)
     found[joint.terms.first, joint.terms.second] = told
-    return np.maximum(found, found.T)
+    return np.asarray(np.maximum(found, found.T))
 
 
 def _groups_without(joint: Joint, label: Ints, camera: int) -> list[list[int]]:

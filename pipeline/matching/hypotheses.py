@@ -132,9 +132,7 @@ def _told(views: Sequence[Sampled], shifts: Mapping[int, int], score: float, gro
     """Offsets relative to the first camera, where that is tied, else to whichever is."""
     origin = shifts.get(0, next(iter(shifts.values())))
     return Hypothesis(
-        offset_s={
-            view.camera: (shifts[c] - origin) * step if c in shifts else None for c, view in enumerate(views)
-        },
+        offset_s={view.camera: (shifts[c] - origin) * step if c in shifts else None for c, view in enumerate(views)},
         score=score,
         ground_m=ground,
     )

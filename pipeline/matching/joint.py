@@ -29,7 +29,7 @@ NEAR_S = 0.3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """Of the unknowns: mean (D,) and variance (D,); `here` (C,): log of how likely each offset is to be near this one."""
+    """Of the unknowns: mean (D,) and variance (D,); `here` (C,): log chance of each offset to be near this one."""
 
     mean: Floats
     variance: Floats
@@ -137,7 +137,7 @@ class Joint:
         solved = np.linalg.solve(factor, scale * right)
         mean_part = float(inverse @ self.prior.mean**2)
         worth = total + 0.5 * float(solved @ solved) - 0.5 * mean_part - float(np.log(np.diag(factor)).sum())
-        return worth, factor, scale
+        return worth, np.asarray(factor, np.float64), np.asarray(scale, np.float64)
 
     def posterior(self, label: Ints, on_ground: Bools) -> tuple[Floats, Floats]:
         """Mean (D,) and covariance (D, D) of the unknowns given a grouping."""

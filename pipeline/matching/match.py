@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.foundation.arrays import Ints
 from pipeline.matching.groups import Grouping, grouped
 from pipeline.matching.hypotheses import Hypothesis, curves, hypotheses, offset_range
-from pipeline.matching.joint import ALONE, Joint, prior_of
+from pipeline.matching.joint import ALONE, NEAR_S, Joint, prior_of
 from pipeline.matching.records import Doubtful, MatchedClock, MatchedPair, MatchedTarget, Matching, TrackName
 from pipeline.matching.sampling import Sampled, sampled
 from pipeline.matching.settings import MatchSettings
@@ -87,6 +87,7 @@ def _solve(
         ground += lifted
         if (np.abs(step).max() < STILL_S and abs(lifted) < STILL_M) or grouping.worth < most - FAR:
             break
+    assert best is not None
     return best
 
 
@@ -110,9 +111,7 @@ def _known(
     return mean, sigma
 
 
-def _judged(
-    views: Sequence[Sampled], solved: Sequence[_Solved], settings: MatchSettings, tell: ShareDone
-) -> Matching:
+def _judged(views: Sequence[Sampled], solved: Sequence[_Solved], settings: MatchSettings, tell: ShareDone) -> Matching:
     best = solved[0]
     names = [TrackName(camera=v.camera, target=name) for v in views for name in v.names]
     label = best.grouping.label
@@ -134,7 +133,7 @@ def _judged(
     return Matching(
         targets=_targets(names, kept, told),
         doubtful=doubtful,
-        clocks=_clocks(views, best, bool(sure)),
+        clocks=_clocks(views, solved, bool(sure), settings),
         score=best.grouping.worth,
     )
 
@@ -166,7 +165,11 @@ def _rival_pairs(best: _Solved, i: int, j: int) -> list[tuple[int, int]]:
     for k in np.argsort(-told):
         pair = int(joint.terms.first[k]), int(joint.terms.second[k])
         cameras = {int(joint.camera_of[t]) for t in pair}
-        if pair != (i, j) and (i in pair or j in pair) and cameras == {int(joint.camera_of[i]), int(joint.camera_of[j])}:
+        if (
+            pair != (i, j)
+            and (i in pair or j in pair)
+            and cameras == {int(joint.camera_of[i]), int(joint.camera_of[j])}
+        ):
             found.append(pair)
     return found[:RIVALS]
 
@@ -208,31 +211,37 @@ def _targets(
         members = np.flatnonzero(kept == group).tolist()
         pairs = tuple(told[i, j] for i in members for j in members if i < j)
         found.append(MatchedTarget(tracks=tuple(names[m] for m in members), pairs=pairs))
-    return (*found, *(MatchedTarget(tracks=(names[k],)) for k in np.flatnonzero(kept == ALONE)))
+    return (*found, *(MatchedTarget(tracks=(names[k],)) for k in np.flatnonzero(kept == ALONE).tolist()))
 
 
 def _why(names: Sequence[TrackName], rival: Grouping | str) -> str:
     if isinstance(rival, str):
         return "with other time offsets all fits nearly as well without this pair"
     groups = [
-        " = ".join(str(names[k]) for k in np.flatnonzero(rival.label == g))
+        " = ".join(str(names[k]) for k in np.flatnonzero(rival.label == g).tolist())
         for g in np.unique(rival.label[rival.label != ALONE])
     ]
     return "nearly as likely: " + ("; ".join(groups) if groups else "no pair at all")
 
 
-def _clocks(views: Sequence[Sampled], best: _Solved, known: bool) -> tuple[MatchedClock, ...]:
-    """The clocks, at frame 0; unknown where no pair is sure or nothing ties a camera."""
+def _clocks(
+    views: Sequence[Sampled], solved: Sequence[_Solved], known: bool, settings: MatchSettings
+) -> tuple[MatchedClock, ...]:
+    """The clocks, at frame 0; unknown where no pair is sure, nothing ties a camera, or other offsets do as well."""
+    best = solved[0]
     mean, covariance = best.joint.posterior(best.grouping.label, best.grouping.on_ground)
     found = [MatchedClock(camera=views[0].camera, offset_s=0.0, sigma_s=0.0)]
+    rivals = [one for one in solved[1:] if one.grouping.worth > best.grouping.worth - settings.sure]
     for c, view in enumerate(views[1:], start=1):
         own = OWN * c + 6
         offset = best.offset_s[view.camera]
         sigma = float(np.sqrt(covariance[own, own]))
-        if offset is None or not known or sigma > 5.0:
+        others = [one.offset_s[view.camera] for one in rivals]
+        apart = offset is not None and any(o is not None and abs(o - offset) > max(1.0, 4 * sigma) for o in others)
+        if offset is None or not known or apart or sigma > 0.9 * NEAR_S:
             found.append(MatchedClock(camera=view.camera, offset_s=None, sigma_s=None))
         else:
             middle = 0.5 * sum(view.span_s)
             at_zero = offset + mean[own] - mean[own + 1] * middle
             found.append(MatchedClock(camera=view.camera, offset_s=float(at_zero), sigma_s=sigma))
-    return tuple(replace(clock) for clock in found)
+    return tuple(found)

@@ -62,7 +62,7 @@ def sampled(camera: CameraInput, settings: MatchSettings) -> Sampled:
     frames, first = np.unique(rays.frame, return_index=True)
     time_s, of_frame = rays.time_s[first], np.searchsorted(poses.frame, frames)
     low, high = int(np.ceil(time_s[0] / step - 0.5)), int(np.floor(time_s[-1] / step + 0.5))
-    grid_s = step * np.arange(low, high + 1)
+    grid_s: Floats = step * np.arange(low, high + 1).astype(float)
     mid_s, centre = _binned(time_s, poses.position_enu_m[of_frame], step)
     nearest = np.clip(np.searchsorted(time_s, grid_s), 0, len(time_s) - 1)
     tracks, pixel_rad = [], []

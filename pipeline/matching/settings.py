@@ -1,4 +1,4 @@
-"""What decides a match: what same and different targets are expected to look like. Metres, seconds; logs are natural."""
+"""What decides a match: how same and different targets are expected to look. Metres, seconds; natural logs."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ class MatchSettings:
 
     search_s        how far offsets are searched, plus and minus, where nothing is known. Doubled: twice the time, and
                     every match has to be worth 0.7 more
-    step_s          of the even samples, and of the offsets tried first. A car at 15 m/s moves 4 m in it; doubled, narrow
-                    basins (turns, stops) are stepped over
+    step_s          of the even samples, and of the offsets tried first. A car at 15 m/s moves 4 m in it; doubled,
+                    narrow basins (turns, stops) are stepped over
     gap_s           between two fixes of a track, up to which it is taken as straight in between
     most_samples    of two tracks, in the sweep and afterwards
     sure            margin in log-likelihood from which a pair is told: 150 to one. Lower: more pairs, more wrong ones
@@ -24,6 +24,7 @@ class MatchSettings:
     wild            share of those whose rays meet anywhere: wild_factor times as far apart as the free ones
     still           share of pairs, of two tracks that may both be of something that stands still, that do so apart
     twin            share of pairs of other tracks that move as one, apart
+    near_m          half of those that stand are that near to each other (slots), and a share `near` of those that move
     still_m         how far the rays of a track may miss one point, beside noise, for it to stand still
     place_m         how far apart the points are that two cameras track of one target, one sigma: half a car
     drift_m         by which that changes while both look
@@ -50,7 +51,9 @@ class MatchSettings:
     wild_factor: float = 8.0
     alike: float = 0.25
     still: float = 0.4
-    twin: float = 0.05
+    twin: float = 0.004
+    near_m: float = 10.0
+    near: float = 0.1
     still_m: float = 1.0
     place_m: float = 0.7
     drift_m: float = 0.3

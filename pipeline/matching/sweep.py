@@ -29,7 +29,7 @@ ROUGH_ORDERS, ROUGH_SAMPLES = 4, 24
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """What offsets between two cameras are worth: b's samples moved by `shift` (k,) steps, `score` (k,), `ground_m` (k,)."""
+    """What offsets between two cameras are worth: b's samples moved by `shift` (k,) steps; `score`, `ground_m` (k,)."""
 
     shift: Ints
     score: Floats
@@ -64,7 +64,7 @@ def _score(a: Sampled, b: Sampled, shift: int, settings: MatchSettings) -> tuple
         a.centre_m[own], a.ray[:, None, own], b.centre_m[other], b.ray[None, :, other],
         _turn(a)[:, None, None], _turn(b)[None, :, None], _moving(a.sigma, b.sigma),
     )  # fmt: skip
-    miss, height, level_m, level_var = _coefficients(met, rows * a.step_s, a, b, settings)
+    miss, height, level_m, level_var = _coefficients(met, rows.astype(float) * a.step_s, a, b, settings)
     fixed = miss - np.log(max(len(a.names), len(b.names)))
     best = np.argsort(-(fixed + height).ravel())[:GROUNDS]
     score, ground = _assigned(fixed + np.log1p(-settings.on_ground)), np.nan
@@ -152,6 +152,7 @@ def mixed(
 
 def kinds(settings: MatchSettings, standing: Bools) -> tuple[tuple[str, Floats], ...]:
     """The ways in which two different targets look, each with its share (...); `standing`: both may stand still."""
-    apart = np.where(standing, settings.still, settings.twin)
+    apart = np.where(standing, 0.5 * settings.still, settings.twin)
+    near = np.where(standing, 0.5 * settings.still, settings.twin * settings.near)
     others = ("free", settings.free), ("alike", settings.alike), ("wild", settings.wild)
-    return (*((kind, np.full(standing.shape, share)) for kind, share in others), ("still", apart))
+    return (*((kind, np.full(standing.shape, share)) for kind, share in others), ("still", apart), ("near", near))

@@ -167,7 +167,9 @@ class _Scene:
 
     def meeting(self, rows: Ints, columns: Ints) -> Meeting:
         """Of pairs (S, n)."""
-        return self._meet(self.seen[0][0], self.seen[0][2][rows], self.seen[1][0], self.seen[1][2][columns], rows, columns)
+        return self._meet(
+            self.seen[0][0], self.seen[0][2][rows], self.seen[1][0], self.seen[1][2][columns], rows, columns
+        )
 
     def _meet(self, ca: Floats, ra: Floats, cb: Floats, rb: Floats, rows: Ints, columns: Ints) -> Meeting:
         turn = self.turn[0][rows][:, None], self.turn[1][columns][:, None]
@@ -218,7 +220,7 @@ class _Scene:
 
 
 def _unit(ray: Floats) -> Floats:
-    return ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+    return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
 
 
 def _plausible(rough: Floats) -> tuple[Ints, Ints]:
@@ -271,9 +273,9 @@ def _different(
     apart[:, p, p] += HEIGHTS_M**2
     found = np.full((len(c), 2), -np.inf)
     for kind, share in kinds(settings, standing):
-        factor = settings.wild_factor if kind == "wild" else 1.0
+        factor = {"wild": settings.wild_factor, "near": settings.near_m / settings.apart_m}.get(kind, 1.0)
         wide = covariance + factor**2 * apart
-        if kind != "still":
+        if kind not in ("still", "near"):
             rates = np.concatenate([different_m(fit.half_s, settings, kind) for fit in fits], axis=1)
             rates[:, [0, p]] = 0.0
             wide = wide + rates[:, :, None] ** 2 * np.eye(2 * p)
@@ -294,4 +296,3 @@ def gaussian(value: Floats, covariance: Floats) -> Floats:
     """Log density (...) of values (..., k), without the constant."""
     solved = np.linalg.solve(covariance, value[..., None])[..., 0]
     return np.asarray(-0.5 * (np.sum(value * solved, axis=-1) + np.linalg.slogdet(covariance)[1]))
-

@@ -1,7 +1,7 @@
-"""Flights drawn for matching: each camera follows targets that others follow too, and as many that nobody else does.
+"""Flights drawn for matching: each camera follows targets that others follow too, and as many of its own.
 
-Cameras, motions and noise as in `drawn_flights`; beside free motions there are convoys in lanes and rows of parked cars,
-on ground that is level, sloping or hilly; now and then something flies. Nothing here knows how matching works.
+Cameras, motions and noise as in `drawn_flights`; beside free motions there are convoys in lanes and rows of parked
+cars, on ground that is level, sloping or hilly; now and then something flies. Nothing here knows how matching works.
 """
 
 from __future__ import annotations
@@ -46,7 +46,10 @@ def objects(rng, kind, count, span, reach):
         return [on(height, m) for m in convoy(rng, count, span, reach)]
     if kind == "car park":
         moving = max(1, count // 4)
-        free = [motion(rng, str(rng.choice(("curve", "stop-and-go", "weave"))), span, 0.0, reach, False) for _ in range(moving)]
+        free = [
+            motion(rng, str(rng.choice(("curve", "stop-and-go", "weave"))), span, 0.0, reach, False)
+            for _ in range(moving)
+        ]
         return [on(height, m) for m in [*parked_rows(rng, count - moving, reach), *free]]
     half = count // 2
     return [on(height, m) for m in [*convoy(rng, count - half, span, reach), *parked_rows(rng, half, reach)]]
@@ -58,7 +61,10 @@ def ground(rng, reach):
     hill, wave = rng.choice([0.0, 0.0, 1.5, 4.0]), rng.uniform(1.5, 4.0) * reach
     phase, base = rng.uniform(0, 6.3, 2), rng.uniform(-40, 40)
     return lambda x, y: (
-        base + slope[0] * x + slope[1] * y + hill * np.sin(6.3 * x / wave + phase[0]) * np.sin(6.3 * y / wave + phase[1])
+        base
+        + slope[0] * x
+        + slope[1] * y
+        + hill * np.sin(6.3 * x / wave + phase[0]) * np.sin(6.3 * y / wave + phase[1])
     )
 
 
@@ -159,7 +165,7 @@ def draw(seed):
 
 
 def one_camera(rng, name, every, mine, begin, length, bearing, reach, sigma):
-    """What a camera sees of some objects: its input, and of each object its track's name and when (fifths of a second)."""
+    """What a camera sees of some objects: its input, and of each its track's name and when (fifths of a second)."""
     rate = float(rng.choice([10.0, 15.0, 25.0]))
     told = rate * (1 + rng.normal() * 2e-4)
     width = float(rng.choice([1280, 1920]))
