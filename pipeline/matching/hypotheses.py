@@ -13,9 +13,9 @@ from pipeline.matching.settings import MatchSettings
 from pipeline.matching.sweep import Curve, sweep
 from pipeline.records import CameraInput
 
-KEPT, EACH = 10, 8
+KEPT, EACH = 14, 8
 """Hypotheses that are carried on, and offsets of one camera that extend each."""
-APART = 3
+APART = 5
 """Steps between two offsets that count as two."""
 
 

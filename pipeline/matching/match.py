@@ -24,6 +24,8 @@ FAR = 15.0
 
 STILL_S, STILL_M = 0.02, 1.0
 """Changes of clocks and of the ground's height that need not be taken up anew."""
+BESIDE_S = 0.6
+"""How far from the best offsets others are tried at last."""
 RIVALS = 3
 """Other pairs of two tracks from which a way without them is looked for."""
 
@@ -35,6 +37,7 @@ class _Solved:
     """A hypothesis with its best grouping."""
 
     offset_s: dict[str, float | None]
+    ground_m: float
     joint: Joint
     grouping: Grouping
 
@@ -60,6 +63,8 @@ def match_tracks(
         solved.append(_solve(views, cameras, guess, ranges, chosen, most))
         tell(0.5 + 0.3 * (k + 1) / len(guesses))
     solved.sort(key=lambda one: -one.grouping.worth)
+    solved += [_solve(views, cameras, near, ranges, chosen, solved[0].grouping.worth) for near in _beside(solved[0])]
+    solved.sort(key=lambda one: -one.grouping.worth)
     return _judged(views, solved, chosen, tell)
 
 
@@ -79,7 +84,7 @@ def _solve(
         )  # fmt: skip
         tried = [grouped(joint)] if best is None else [grouped(joint), grouped(joint, begin=best.grouping.label)]
         grouping = max(tried, key=lambda one: one.worth)
-        best = _Solved(offset_s=offset, joint=joint, grouping=grouping)
+        best = _Solved(offset_s=offset, ground_m=ground, joint=joint, grouping=grouping)
         mean, _ = joint.posterior(grouping.label, grouping.on_ground)
         step = np.clip(mean[6 : OWN * len(views) : OWN], -0.5, 0.5)
         offset = {v.camera: _moved(offset[v.camera], float(s)) for v, s in zip(views, step, strict=True)}
@@ -89,6 +94,19 @@ def _solve(
             break
     assert best is not None
     return best
+
+
+def _beside(best: _Solved) -> list[Hypothesis]:
+    """Hypotheses half a second from the best one, a camera each."""
+    tied = [name for name, offset in best.offset_s.items() if offset is not None][1:]
+    return [
+        Hypothesis(
+            offset_s={c: _moved(offset, step if c == name else 0.0) for c, offset in best.offset_s.items()},
+            score=best.grouping.worth,
+            ground_m=best.ground_m,
+        )
+        for name in tied for step in (-BESIDE_S, BESIDE_S)
+    ]  # fmt: skip
 
 
 def _moved(offset_s: float | None, step_s: float) -> float | None:

@@ -50,7 +50,8 @@ def camera(name: str, followed: dict, *, begin_s: float, bearing_rad: float, see
     yaw, pitch = np.arctan2(ahead[:, 0], ahead[:, 1]), np.arctan2(ahead[:, 2], np.hypot(ahead[:, 0], ahead[:, 1]))
     attitude = rotation.enu_from_cam(rotation.ned_from_frd(yaw, pitch, 0 * t))
     told = rotation.multiply(
-        attitude, rotation.exp(rng.normal(0, SIGMA.attitude_bias_rad, 3) + rng.normal(0, SIGMA.attitude_rad, (len(t), 3)))
+        attitude,
+        rotation.exp(rng.normal(0, SIGMA.attitude_bias_rad, 3) + rng.normal(0, SIGMA.attitude_rad, (len(t), 3))),
     )
     where = position + rng.normal(0, SIGMA.position_bias_m, 3) + rng.normal(0, SIGMA.position_m, position.shape)
     rays = []

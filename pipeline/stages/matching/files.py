@@ -120,7 +120,10 @@ def _tables(
     """
     found: dict[str, dict[str, Any]] = {}
     for track, name in sorted(names.items(), key=lambda item: list(names).index(item[0])):
-        table = found.setdefault(name, {k: v for k, v in given.get(track.target, {}).items() if k != "boxes"})
+        table = found.setdefault(name, {})
+        for key, value in given.get(track.target, {}).items():
+            if key != "boxes" and (track in boxes or track.camera not in given[track.target].get("boxes", {})):
+                table.setdefault(key, value)
         if track in boxes:
             box = boxes[track]
             sides = [box.x, box.y, box.width, box.height]

@@ -1,5 +1,7 @@
 """Matching finds common targets among strangers, finds the clocks, and says what it cannot know."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,9 +67,7 @@ def test_parked_cars_tell_no_clock():
 def test_a_known_clock_is_used():
     cameras, truth = scene(1)
     right = truth["uav2", "begin_s"]
-    known = cameras[1].__class__(**{
-        **{f: getattr(cameras[1], f) for f in ("camera", "rays", "poses", "frame_rate", "sigma")}, "offset_s": right - 7,
-    })  # fmt: skip
+    known = replace(cameras[1], offset_s=right - 7)
     found = match_tracks([cameras[0], known], MatchSettings(search_s=1.0))
     assert not found.pairs  # looked for only where the flight says it is
 
