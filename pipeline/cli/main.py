@@ -73,7 +73,7 @@ def run(arguments: Namespace, given: Sequence[str] = ()) -> int:
     def act() -> int:
         check_arguments(list(given))
         module = arguments.command if arguments.command in OWN_MODULES else "flights"
-        action = partial(importlib.import_module(f"pipeline.cli.{module}").run, arguments, console)
+        action = partial(importlib.import_module(f"{__package__}.{module}").run, arguments, console)
         code: int = action()
         return code
 
