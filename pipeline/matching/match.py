@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.foundation.arrays import Ints
+from calibration.foundation.arrays import Bools, Ints
 from pipeline.matching.groups import Grouping, grouped
 from pipeline.matching.hypotheses import Hypothesis, curves, hypotheses, offset_range
 from pipeline.matching.joint import ALONE, NEAR_S, Joint, prior_of
@@ -26,6 +26,10 @@ STILL_S, STILL_M = 0.02, 1.0
 """Changes of clocks and of the ground's height that need not be taken up anew."""
 BESIDE_S = 0.6
 """How far from the best offsets others are tried at last."""
+HEADWAY_S = 1.0
+"""Clocks that are known better than this, one sigma, tell a car from the one behind it."""
+FOLLOWS = "one target alone ties these clocks: what another camera sees may be one that goes the same way, later"
+OTHERWISE = "with other time offsets all fits nearly as well without this pair"
 RIVALS = 3
 """Other pairs of two tracks from which a way without them is looked for."""
 
@@ -137,8 +141,12 @@ def _judged(views: Sequence[Sampled], solved: Sequence[_Solved], settings: Match
         (i, j) for i in range(len(label)) for j in range(i + 1, len(label)) if best.grouping.together(i, j)
     ]  # fmt: skip
     margins, rivals = {}, {}
+    still = np.concatenate([v.still for v in views])
     for k, (i, j) in enumerate(pairs):
         margins[i, j], rivals[i, j] = _margin(best, solved[1:], i, j)
+        most = _most_known(best, views, still, pairs, (i, j), settings)
+        if most < margins[i, j]:
+            margins[i, j], rivals[i, j] = most, FOLLOWS
         tell(0.8 + 0.2 * (k + 1) / len(pairs))
     sure = {pair for pair, margin in margins.items() if margin >= settings.sure}
     kept = _kept(label, sure)
@@ -171,8 +179,22 @@ def _margin(best: _Solved, others: Sequence[_Solved], i: int, j: int) -> tuple[f
     most = rival.worth
     for other in others:
         if not other.grouping.together(i, j) and other.grouping.worth > most:
-            most, rival = other.grouping.worth, "other clocks"
+            most, rival = other.grouping.worth, OTHERWISE
     return float(best.grouping.worth - max(most, 0.0)), rival
+
+
+def _most_known(
+    best: _Solved, views: Sequence[Sampled], still: Bools, pairs: Sequence[tuple[int, int]], pair: tuple[int, int],
+    settings: MatchSettings,
+) -> float:  # fmt: skip
+    """The most that a margin can be: what moves may be followed by its like, and a clock that is not known hides it."""
+    camera_of = best.joint.camera_of
+    between = camera_of[pair[0]], camera_of[pair[1]]
+    known = [views[c].sigma.offset_s for c in between if c > 0]
+    if still[list(pair)].all() or all(sigma is not None and sigma < HEADWAY_S for sigma in known):
+        return float("inf")
+    tie = sum((camera_of[i], camera_of[j]) == between and not still[[i, j]].all() for i, j in pairs)
+    return float(-tie * np.log(settings.follower))
 
 
 def _rival_pairs(best: _Solved, i: int, j: int) -> list[tuple[int, int]]:
@@ -234,7 +256,7 @@ def _targets(
 
 def _why(names: Sequence[TrackName], rival: Grouping | str) -> str:
     if isinstance(rival, str):
-        return "with other time offsets all fits nearly as well without this pair"
+        return rival
     groups = [
         " = ".join(str(names[k]) for k in np.flatnonzero(rival.label == g).tolist())
         for g in np.unique(rival.label[rival.label != ALONE])

@@ -23,7 +23,8 @@ class MatchSettings:
     free, alike     shares of pairs of different targets that move freely, and that drive alike (a convoy, a lane)
     wild            share of those whose rays meet anywhere: wild_factor times as far apart as the free ones
     still           share of pairs, of two tracks that may both be of something that stands still, that do so apart
-    follower        share of pairs of different targets that drive the same way, one up to about follows_s later
+    follower        chance that what moves has another behind it that moves the same way, later: where the clock is not
+                    known, k targets that tie it may all be such pairs, and no margin is above k log (1 / follower)
     twin            share of pairs of other tracks that move as one, apart
     near_m          half of those that stand are that near to each other (slots), and a share `near` of those that move
     still_m         how far the rays of a track may miss one point, beside noise, for it to stand still
@@ -53,7 +54,6 @@ class MatchSettings:
     alike: float = 0.25
     still: float = 0.4
     follower: float = 0.02
-    follows_s: float = 4.0
     twin: float = 0.004
     near_m: float = 10.0
     near: float = 0.1

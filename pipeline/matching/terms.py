@@ -131,13 +131,10 @@ def _pair(
     noise = _noise(met, valid, fits, scene, settings)
     standing = a.still[rows] & b.still[columns]
     column = OWN * pair[1]
-    moved_m, later_s = (
-        design[:, :, column + 3 : column + 6],
-        design[:, :, column + 6],
-    )  # another target, elsewhere or later, is as a camera that is
+    moved_m = design[:, :, column + 3 : column + 6]  # another target, there, is as a camera shifted
     return Terms(
         first=rows, second=columns, coefficient=base, covariance=noise, design=design,
-        other=_different(base, noise, moved_m, later_s, fits, standing, settings),
+        other=_different(base, noise, moved_m, fits, standing, settings),
     )  # fmt: skip
 
 
@@ -264,12 +261,12 @@ def _noise(
 
 
 def _different(
-    c: Floats, covariance: Floats, moved_m: Floats, later_s: Floats, fits: tuple[Polynomials, Polynomials],
-    standing: Bools, settings: MatchSettings,
+    c: Floats, covariance: Floats, moved_m: Floats, fits: tuple[Polynomials, Polynomials], standing: Bools,
+    settings: MatchSettings,
 ) -> Floats:  # fmt: skip
     """Log-likelihood (S, 2) of two different targets: of the miss, of miss and height; the mixture of all kinds.
 
-    moved_m  (S, 2P, 3) what coefficients become by where the other target is; later_s (S, 2P) by how much later it is
+    moved_m  (S, 2P, 3) what coefficients become by where the other target is
     """
     p = settings.orders
     away = settings.apart_m * np.array([1.0, 1.0, UPWARD])
@@ -285,10 +282,7 @@ def _different(
             wide = wide + rates[:, :, None] ** 2 * np.eye(2 * p)
         told = np.stack([gaussian(c[:, :p], wide[:, :p, :p]), gaussian(c, wide)], axis=1)
         found = np.logaddexp(found, told + np.log(share)[:, None])
-    behind = covariance + settings.follows_s**2 * later_s[:, :, None] * later_s[:, None, :]
-    told = np.stack([gaussian(c[:, :p], behind[:, :p, :p]), gaussian(c, behind)], axis=1)
-    share = np.where(standing, np.finfo(float).tiny, settings.follower)
-    return np.asarray(np.logaddexp(found, told + np.log(share)[:, None]))
+    return found
 
 
 def typical_height(found: Terms) -> float:
