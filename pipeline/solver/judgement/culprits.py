@@ -26,7 +26,17 @@ from pipeline.solver.adjustment.compiled_descent import is_dense
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.judgement.changes import CONVENTIONS, FREED, Change, converted, exchanged, freed, stepped, without
+from pipeline.solver.judgement.changes import (
+    CONVENTIONS,
+    FREED,
+    Change,
+    converted,
+    exchanged,
+    freed,
+    richer,
+    stepped,
+    without,
+)
 from pipeline.solver.judgement.misfit import Misfit, Misfits
 from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
 from pipeline.solver.methods.initialisation import graduated
@@ -83,7 +93,7 @@ def search_culprits(
     base = levenberg_marquardt(fewer, point, descent)
     lost = 2.0 * float(model.frames.seen.sum() - fewer.frames.seen.sum())
     expected = max(misfits.whole.redundancy - lost, 1.0)
-    changes = list(suspected(base.model, misfits, sequences))
+    changes = list(suspected(base.model, misfits, sequences, ordered(problem)))
     most = TRIALS if is_dense(base.model) else SLOW_TRIALS
     found = [e for change in changes[:most] if (e := _explained(change, base, expected, descent, clocks)) is not None]
     best = max(found, key=lambda e: e.net, default=None)
@@ -147,8 +157,15 @@ def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
     )  # fmt: skip
 
 
-def suspected(model: Model, misfits: Misfits, sequences: Sequence[PoseSequence]) -> Iterator[Change]:
-    """The changes, the most promising first."""
+def ordered(problem: Problem) -> tuple[str, ...]:
+    """Targets whose motion's order was given, not found."""
+    return tuple(t.target for t in problem.targets if t.motion != "spline" and not t.is_asked)
+
+
+def suspected(
+    model: Model, misfits: Misfits, sequences: Sequence[PoseSequence], given: Sequence[str] = ()
+) -> Iterator[Change]:
+    """The changes, the most promising first; `given` are targets whose motion's order was given."""
     frames = model.frames
     cameras, targets = range(len(frames.cameras)), range(len(frames.targets))
     for what in FREED:
@@ -157,6 +174,10 @@ def suspected(model: Model, misfits: Misfits, sequences: Sequence[PoseSequence])
             if change is not None:
                 yield change
     ranked = [frames.targets.index(m.target) for m in misfits.targets]
+    plain = [n for n in ranked if frames.targets[n] in given and model.basis.targets[n].kind == "polynomial"]
+    if plain:
+        yield richer(model, sorted(plain))
+        yield from (richer(model, [n]) for n in plain[:WORST] if len(plain) > 1)
     if misfits.whole.z > GROSS:
         yield from (converted(model, c, convention) for convention in CONVENTIONS for c in cameras)
     yield from _steps(model, sequences, ("position", "attitude", "offset"))
@@ -282,7 +303,7 @@ def _tried(change: Change, base: Fit, descent: Descent, clocks: Sequence[Clocks]
 
 
 def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]) -> list[State]:
-    out = [state] if change.kind in ("free", "step", "without-target", "without-camera") else []
+    out = [state] if change.kind in ("free", "motion", "step", "without-target", "without-camera") else []
     if change.kind == "step":
         return out
     plain = np.where(model.priors.camera_free, model.priors.camera_mean, state.camera)
@@ -300,11 +321,12 @@ def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]
 
 
 def _removed(base: Model, changed: Model) -> float:
-    """What the expectation of chi-square falls by: two for each sighting less, less idle unknowns."""
+    """What the expectation of chi-square falls by: two for each sighting less, less idle unknowns; new ones."""
     less = 2.0 * float(base.frames.seen.sum() - changed.frames.seen.sum())
     gone = [
         3.0 * t.count
         for n, t in enumerate(changed.basis.targets)
         if t.kind == "polynomial" and base.frames.seen[:, n].any() and not changed.frames.seen[:, n].any()
     ]
-    return less - sum(gone)
+    more = [3.0 * (other.count - t.count) for t, other in zip(base.basis.targets, changed.basis.targets, strict=True)]
+    return less - sum(gone) + sum(more)

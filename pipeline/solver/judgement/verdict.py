@@ -285,13 +285,20 @@ SPOKEN = {
     "low-weights": 'look at the tracks of that camera; with that many outliers use robust = "cauchy"',
 }
 """Findings that lower the verdict to "care", with their advice."""
+REMARKED = {
+    "seen-by-one": "two cameras that see it then would carry on; or on_ground with [ground], where it drives",
+    "motion-richer": 'write motion = "auto" or "spline" for it',
+}
+"""Findings that are told beside it, with their advice."""
 
 
 def _spoken(findings: Iterable[Finding]) -> list[Reason]:
+    grades: dict[str, tuple[Grade, str]] = {kind: ("care", advice) for kind, advice in SPOKEN.items()}
+    grades |= {kind: ("good", advice) for kind, advice in REMARKED.items()}
     return [
-        Reason(kind=f.kind, subject=f.subject, words=f.words, grade="care", advice=SPOKEN[f.kind])
+        Reason(kind=f.kind, subject=f.subject, words=f.words, grade=grades[f.kind][0], advice=grades[f.kind][1])
         for f in findings
-        if f.kind in SPOKEN
+        if f.kind in grades
     ]
 
 
