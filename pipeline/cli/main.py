@@ -11,7 +11,19 @@ from functools import partial
 from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
-OWN_MODULES = ("board", "boresight", "calibrate", "camera", "check", "demo", "detect", "experiment", "inspect", "label")
+OWN_MODULES = (
+    "board",
+    "boresight",
+    "calibrate",
+    "camera",
+    "check",
+    "demo",
+    "detect",
+    "doctor",
+    "experiment",
+    "inspect",
+    "label",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -60,7 +72,7 @@ def run(arguments: Namespace, given: Sequence[str] = ()) -> int:
     def act() -> int:
         check_arguments(list(given))
         module = arguments.command if arguments.command in OWN_MODULES else "flights"
-        action = partial(importlib.import_module(f"pipeline.cli.{module}").run, arguments, console)
+        action = partial(importlib.import_module(f"{__package__}.{module}").run, arguments, console)
         code: int = action()
         return code
 

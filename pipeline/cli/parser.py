@@ -53,6 +53,10 @@ def build_parser() -> argparse.ArgumentParser:
         _flight_command(commands, name, what)
     _boresight(commands)
     _inspect(commands)
+    doctor = _command(
+        commands, "doctor", "is this installation whole: packages, folders, a self-test", "runningfix doctor"
+    )
+    doctor.add_argument("--quick", action="store_true", help="only look at what is installed, without the self-test")
     _demo(commands)
     _experiment(commands)
     return parser
@@ -221,7 +225,12 @@ def _inspect(commands: Commands) -> None:
         "what is in a flight log, and what it lacks for camera poses",
         "runningfix inspect uav1.tlog -o uav1.svg",
     )
-    parser.add_argument("log", type=Path, metavar="LOG", help=".tlog .mavlink .bin .log .ulg .srt")
+    parser.add_argument(
+        "log",
+        type=Path,
+        metavar="LOG",
+        help=".tlog .mavlink .bin .log .ulg .srt, .ts with metadata, .csv of AirData or DJI",
+    )
     parser.add_argument("--system", type=int, metavar="ID", help="of several vehicles on one MAVLink link, this one")
     parser.add_argument(
         "--dialect", default="", metavar="NAME|XML", help="a pymavlink dialect, or your message definitions"

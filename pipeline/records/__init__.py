@@ -4,9 +4,10 @@ Each record is a keyword-only frozen dataclass of read-only float64 arrays, chec
 values are NaN, never zero. Nothing here reads a file, prints or computes more than a view of its own fields.
 """
 
+from pipeline.records.ground import Ground, GroundAt, GroundHeights
 from pipeline.records.motion import Motion, Trajectory
 from pipeline.records.poses import InstrumentSigma, LogPaths, PoseTrack
-from pipeline.records.problem import CameraInput, Problem, SolverSettings, TargetInput
+from pipeline.records.problem import CameraInput, Problem, SolverSettings, SurveyedPlace, TargetInput
 from pipeline.records.rays import SightRays
 from pipeline.records.results import Comparison, Results
 from pipeline.records.solution import (
@@ -48,6 +49,9 @@ __all__ = [
     "DepthRange",
     "Finding",
     "Grade",
+    "Ground",
+    "GroundAt",
+    "GroundHeights",
     "ImageTrack",
     "InstrumentSigma",
     "LogPaths",
@@ -63,6 +67,7 @@ __all__ = [
     "Solution",
     "SolveStatus",
     "SolverSettings",
+    "SurveyedPlace",
     "TargetInput",
     "TrackerName",
     "Trajectory",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calibration.foundation.arrays import Floats
+from pipeline.records.ground import Ground
 from pipeline.records.motion import MotionAsked
 from pipeline.records.poses import InstrumentSigma, PoseTrack
 from pipeline.records.rays import SightRays
@@ -48,12 +49,31 @@ class CameraInput:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SurveyedPlace:
+    """Where a landmark is, ENU metres, and one sigma per axis."""
+
+    position_enu_m: tuple[float, float, float]
+    sigma_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class TargetInput:
-    """One target: its name and how it may move; "auto" lets the data say. An `order` given means a polynomial."""
+    """One target: its name and how it may move; "auto" lets the data say. An `order` given means a polynomial.
+
+    on_ground, above_ground_m  it stays so high above the problem's ground
+    landmark   a still point, of order 0, that is marked or tracked like a target
+    surveyed   where a landmark is; None: unknown
+    check      a surveyed landmark that takes no part in the adjustment, which is held against it
+    """
 
     target: str
     motion: MotionAsked = "auto"
     order: int | Literal["auto"] = "auto"
+    on_ground: bool = False
+    above_ground_m: float = 0.0
+    landmark: bool = False
+    surveyed: SurveyedPlace | None = None
+    check: bool = False
 
     @property
     def is_asked(self) -> bool:
@@ -68,6 +88,7 @@ class Problem:
     cameras: tuple[CameraInput, ...]
     targets: tuple[TargetInput, ...]
     reference_camera: str
+    ground: Ground | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

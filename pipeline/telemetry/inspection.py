@@ -105,7 +105,8 @@ def _missing(log: FlightLog) -> tuple[str, ...]:
 
 def _flight_file(log: FlightLog) -> tuple[str, ...]:
     """Lines for a camera's table."""
-    lines = [f'telemetry = "{log.path.name}"']
+    inside = log.format == "misb klv"
+    lines = [f'video = "{log.path.name}"', 'telemetry = "video"'] if inside else [f'telemetry = "{log.path.name}"']
     if len(log.systems) > 1:
         lines.append(f"system = {log.system}   # of {', '.join(map(str, log.systems))}")
     if log.gimbal is not None and log.gimbal.valid.sum() >= 2:
@@ -114,7 +115,9 @@ def _flight_file(log: FlightLog) -> tuple[str, ...]:
             lines.append(f"gimbal = {log.gimbals[0]}   # of {', '.join(map(str, log.gimbals))}")
     else:
         lines.append("mount = { roll_deg = 0, pitch_deg = 0, yaw_deg = 0 }   # the camera in the body: fill in")
-    if len(log.camera_event_s):
+    if np.isfinite(log.video_start_s):
+        lines.append("# no start: the time stamps beside the video tell it")
+    elif len(log.camera_event_s):
         lines.append('start = "camera-event"   # if the first exposure is frame 0; else "auto"')
     elif log.format == "dji srt":
         lines.append("start = 0.0   # of the video that the subtitles belong to")
@@ -165,6 +168,10 @@ def _more(log: FlightLog) -> list[str]:
         lines.append(
             f"{len(log.camera_event_s)} camera events by {log.camera_event_source},"
             f" the first at log time {log.camera_event_s[0]:.3f} s"
+        )
+    if np.isfinite(log.video_start_s):
+        lines.append(
+            f"frame 0 of its video at log time {log.video_start_s:.3f} s, within {log.video_start_sigma_s:.2f} s"
         )
     if log.accuracy.source:
         stated = log.accuracy

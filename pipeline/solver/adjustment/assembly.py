@@ -15,6 +15,7 @@ from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment import _assembly, _kernels
 from pipeline.solver.adjustment.banded_system import Bordered
 from pipeline.solver.adjustment.elimination import At, BlockNormals, block_normals, frame_steps
+from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
 from pipeline.solver.observation.clocks import FOCAL, common_time_s
 from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks, partition
@@ -187,7 +188,7 @@ def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Borde
 
 def add_priors(model: Model, state: State, data: Bordered) -> tuple[Bordered, float]:
     """The system with priors of cameras, drifting clocks and splines on top, and what they cost at `state`."""
-    band, corner, gradient = data.band.copy(), data.corner.copy(), data.gradient.copy()
+    band, border, corner, gradient = data.band.copy(), data.border, data.corner.copy(), data.gradient.copy()
     n, order, priors = data.n_band, model.order, model.priors
     off = state.camera - priors.camera_mean
     pull = priors.camera_precision * off
@@ -209,7 +210,10 @@ def add_priors(model: Model, state: State, data: Bordered) -> tuple[Bordered, fl
     if model.motion_free:
         for t in range(len(model.basis.targets)):
             cost += _add_jerk(model, state, t, band, gradient)
-    return Bordered(band=band, border=data.border, corner=corner, gradient=gradient), cost
+        if model.known is not None:
+            border = border.copy()
+            cost += add_known(model, state, band, border, corner, gradient)
+    return Bordered(band=band, border=border, corner=corner, gradient=gradient), cost
 
 
 def _add_wander(model: Model, state: State, corner: Floats, gradient: Floats) -> float:
@@ -260,6 +264,7 @@ def moved(model: Model, here: Linear, step: Floats) -> State:
         deviation=state.deviation + part(order.drift),
         own=own,
         wander=state.wander + part(order.wander),
+        ground=state.ground + part(order.ground) if model.known is not None else state.ground,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from pipeline.solver.adjustment._kernels import Loosely, Observed, Point, Runs
 from pipeline.solver.adjustment.assembly import Linear
 from pipeline.solver.adjustment.banded_system import Bordered
 from pipeline.solver.adjustment.elimination import kept_room, loosely_of, observed_of
+from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.log_poses import Renew, carry
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL
@@ -53,6 +54,7 @@ class BorderPoint:
     cost: float
     frame_gain: float
     room: _Room
+    ground: Floats = field(default_factory=lambda: np.zeros(0))
 
     def step(self, damping: float) -> tuple[Floats, float] | None:
         """The step (q,) at a relative damping and what it is foretold to take off the cost; None: not positive."""
@@ -65,13 +67,18 @@ class BorderPoint:
             self.course, self.local.chain, step, self.coefficients, self.camera
         )
         own, model, observed = self.own, self.model, self.observed
+        ground = (
+            self.ground
+            if model.known is None
+            else self.ground + np.where(model.order.ground >= 0, step[model.order.ground], 0.0)
+        )
         if self.model.pose.free:
             own = self._own_there(local)
         if renew is not None:
-            model = renew(model, self._state(coefficients, camera, own))
+            model = renew(model, self._state(coefficients, camera, own, ground))
             if model is not self.model:
                 observed = observed_of(model.frames, _is_placed(model))
-        return _linearised(model, self.course, observed, coefficients, camera, own, self.room)
+        return _linearised(model, self.course, observed, coefficients, camera, own, self.room, ground)
 
     def _own_there(self, step: Floats) -> Floats:
         """Frames' own errors (F, 6) that go with a step (B, L) of the local unknowns."""
@@ -85,8 +92,8 @@ class BorderPoint:
         )  # fmt: skip
         return out
 
-    def _state(self, coefficients: Floats, camera: Floats, own: Floats) -> State:
-        return State(coefficients=coefficients, camera=camera, deviation=np.empty(0), own=own)
+    def _state(self, coefficients: Floats, camera: Floats, own: Floats, ground: Floats) -> State:
+        return State(coefficients=coefficients, camera=camera, deviation=np.empty(0), own=own, ground=ground)
 
     def linear(self) -> Linear:
         """The same as every other model has it."""
@@ -95,8 +102,8 @@ class BorderPoint:
             band=np.empty((1, 0)), border=np.empty((0, len(corner))), corner=corner, gradient=self.gradient
         )
         return Linear(
-            model=self.model, state=self._state(self.coefficients, self.camera, self.own), system=system,
-            cost=self.cost, frame_gain=self.frame_gain,
+            model=self.model, state=self._state(self.coefficients, self.camera, self.own, self.ground),
+            system=system, cost=self.cost, frame_gain=self.frame_gain,
         )  # fmt: skip
 
 
@@ -105,7 +112,8 @@ def linearised(model: Model, start: State) -> BorderPoint:
     course, placed = _course(model), _is_placed(model)
     observed = observed_of(model.frames, placed)
     kept = kept_room(model.frames, course.begin, placed, ANY if model.pose.free else 0)
-    return _linearised(model, course, observed, start.coefficients, start.camera, start.own, _Room(kept))
+    room = _Room(kept)
+    return _linearised(model, course, observed, start.coefficients, start.camera, start.own, room, start.ground)
 
 
 def squared_lengths(model: Model, state: State) -> Floats:
@@ -176,8 +184,9 @@ def _eliminated(
 
 
 def _linearised(
-    model: Model, course: Course, observed: Observed, coefficients: Floats, camera: Floats, own: Floats, room: _Room
-) -> BorderPoint:
+    model: Model, course: Course, observed: Observed, coefficients: Floats, camera: Floats, own: Floats, room: _Room,
+    ground: Floats,
+) -> BorderPoint:  # fmt: skip
     local = _localised(model, course, coefficients, camera)
     normal, gradient, cost, gain = _eliminated(model, course, observed, camera, own, local, room.kept)
     priors = model.priors
@@ -185,9 +194,13 @@ def _linearised(
         course, normal, gradient, local.chain, camera, priors.camera_mean, priors.camera_precision,
         model.order.n_border,
     )  # fmt: skip
+    if model.known is not None:
+        state = State(coefficients=coefficients, camera=camera, deviation=np.empty(0), own=own, ground=ground)
+        nothing: Floats = np.empty((0, model.order.n_border))
+        prior_cost += add_known(model, state, nothing, nothing, corner, right)
     point = BorderPoint(
         model=model, course=course, observed=observed, camera=camera, coefficients=coefficients, own=own, local=local,
-        corner=corner, gradient=right, cost=cost + prior_cost, frame_gain=gain, room=room,
+        corner=corner, gradient=right, cost=cost + prior_cost, frame_gain=gain, room=room, ground=ground,
     )  # fmt: skip
     room.owner = point
     return point
@@ -195,7 +208,7 @@ def _linearised(
 
 def warm() -> None:
     """Compiles, or loads from disk, everything that a solve uses: its clock shall not count that."""
-    if not _kernels.AVAILABLE or _kernels.block_normals.signatures:
+    if not getattr(_kernels.block_normals, "py_func", None) or _kernels.block_normals.signatures:
         return
     i, f = np.zeros(1, np.int64), np.zeros
     begin = np.array([0, 1])

@@ -9,6 +9,7 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.solver.adjustment.elimination import Loss, PoseError
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, Drift, common_time_s
+from pipeline.solver.observation.known_motion import KnownMotion
 from pipeline.solver.observation.motion_basis import MotionBasis, jerk_rows
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.pose_wander import PoseWander, wander_penalty
@@ -25,6 +26,7 @@ class State:
     """One point: `coefficients` (P, 3), `camera` (C, W), `deviation` (D,), frames' pose errors `own` (F, 6).
 
     wander (K, 6): pose errors at the knots of cameras whose poses wander
+    ground (G,): what the ground is off by, metres; `KnownMotion.shared`
     """
 
     coefficients: Floats
@@ -32,6 +34,7 @@ class State:
     deviation: Floats
     own: Floats
     wander: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    ground: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +58,7 @@ class Priors:
 class Order:
     """Where every unknown sits in the vector: first the band (spline coefficients by time), then the border.
 
-    coefficient (P, 3), camera (C, 10), drift (D,), wander (K, 6): places, -1 where held
+    coefficient (P, 3), camera (C, 10), drift (D,), wander (K, 6), ground (G,): places, -1 where held
     """
 
     coefficient: Ints
@@ -65,6 +68,7 @@ class Order:
     n_border: int
     width: int
     wander: Ints = field(default_factory=lambda: np.zeros((0, 6), dtype=np.int64))
+    ground: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,25 +85,29 @@ class Model:
     motion_free: bool = True
     drift_free: bool = True
     wander: PoseWander | None = None
+    known: KnownMotion | None = None
 
     def changed(self, **values: object) -> Model:
         """The same with other parts; the order of the unknowns is made anew."""
         other = replace(self, **values)  # type: ignore[arg-type]
         order = order_unknowns(
             other.basis, other.drift, other.priors, motion_free=other.motion_free, drift_free=other.drift_free,
-            wander=other.wander,
+            wander=other.wander, errors=0 if other.known is None else other.known.count,
         )  # fmt: skip
         return replace(other, order=order)
 
 
 def build_model(
     frames: Frames, basis: MotionBasis, drift: Drift, pose: PoseError, loss: Loss, priors: Priors,
-    motion_free: bool = True,
+    motion_free: bool = True, known: KnownMotion | None = None,
 ) -> Model:  # fmt: skip
     """A model with its unknowns in order."""
     return Model(
         frames=frames, basis=basis, drift=drift, pose=pose, loss=loss, priors=priors, motion_free=motion_free,
-        order=order_unknowns(basis, drift, priors, motion_free=motion_free, drift_free=True),
+        order=order_unknowns(
+            basis, drift, priors, motion_free=motion_free, drift_free=True, errors=0 if known is None else known.count
+        ),
+        known=known,
     )  # fmt: skip
 
 
@@ -108,7 +116,7 @@ NO_PLACES: Ints = np.empty(0, dtype=np.int64)
 
 def order_unknowns(
     basis: MotionBasis, drift: Drift, priors: Priors, *, motion_free: bool, drift_free: bool,
-    wander: PoseWander | None = None,
+    wander: PoseWander | None = None, errors: int = 0,
 ) -> Order:  # fmt: skip
     """Spline coefficients of all targets by their time in the band; everything else in the border."""
     coefficient = np.full((basis.count, 3), -1, dtype=np.int64)
@@ -145,9 +153,11 @@ def order_unknowns(
         n_free = int((wanders == 0).sum())
         wanders[wanders == 0] = n_band + n_border + np.arange(n_free)
         n_border += n_free
+    ground = n_band + n_border + np.arange(errors) if motion_free else np.full(errors, -1)
+    n_border += errors if motion_free else 0
     return Order(
-        coefficient=coefficient, camera=camera, drift=drifts, wander=wanders, n_band=n_band, n_border=n_border,
-        width=_band_width(basis, coefficient, n_band),
+        coefficient=coefficient, camera=camera, drift=drifts, wander=wanders, ground=ground, n_band=n_band,
+        n_border=n_border, width=_band_width(basis, coefficient, n_band),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from scipy.linalg import cho_solve_banded
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment.banded_system import Bordered, Factor, band_of_inverse, band_of_sandwich
+from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
 from pipeline.solver.observation.pose_wander import wander_penalty
 from pipeline.solver.uncertainty.jackknife import freed
@@ -202,7 +203,7 @@ class _Meat:
             self.band = np.concatenate([self.band, more])
 
 
-def _add_priors(model: Model, meat: _Meat) -> None:
+def _add_priors(model: Model, state: State, meat: _Meat) -> None:
     """Adds the information of the priors: what they let vary is as large as they say."""
     order, priors = model.order, model.priors
     known = (order.camera >= 0) & (priors.camera_precision > 0)
@@ -223,6 +224,7 @@ def _add_priors(model: Model, meat: _Meat) -> None:
             for axis in range(3):
                 place = acting[..., axis]
                 np.add.at(meat.band, (place[:, i] - place[:, j], place[:, j]), rows[:, i] * rows[:, j])
+    add_known(model, state, meat.band, meat.border, meat.corner)
 
 
 def sandwich(model: Model, state: State, plain: Inverse, system: Bordered, cluster: Ints) -> Sandwich:
@@ -234,7 +236,7 @@ def sandwich(model: Model, state: State, plain: Inverse, system: Bordered, clust
     meat = _Meat(band=np.zeros_like(system.band), border=np.zeros((n, q)), corner=np.zeros((q, q)))
     for _, rows, gradient in freed(model, state, plain.block, cluster):
         meat.add(rows, np.multiply.outer(gradient, gradient))
-    _add_priors(model, meat)
+    _add_priors(model, state, meat)
     E, whole = plain.factor.eliminated, meat.system()
     through = whole.times(np.concatenate([-E, np.eye(q)]))  # M F
     inner = through[n:] - E.T @ through[:n]  # F'M F

@@ -46,14 +46,19 @@ class Undulation:
         return bool(np.isfinite(self.metres)) and not self.ellipsoidal
 
 
-def undulation_of(source: str, difference_m: Floats, lat_deg: Floats, lon_deg: Floats) -> Undulation | None:
-    """From (n,) differences ellipsoid minus mean sea level of one receiver at places (n,); None without any."""
+def undulation_of(
+    source: str, difference_m: Floats, lat_deg: Floats, lon_deg: Floats, *, equal_m: float = EQUAL_M
+) -> Undulation | None:
+    """From (n,) differences ellipsoid minus mean sea level of one receiver at places (n,); None without any.
+
+    Heights within `equal_m` of each other throughout are one height: what the format rounds to.
+    """
     possible = np.abs(difference_m) < LARGEST_UNDULATION_M
     if not possible.any():
         return None
     own = float(np.median(difference_m[possible]))
     model = _median(geoid_height_m(np.radians(lat_deg[possible]), np.radians(lon_deg[possible])))
-    if np.all(np.abs(difference_m[possible]) < EQUAL_M) and abs(model) > CLEAR_M:
+    if np.all(np.abs(difference_m[possible]) < equal_m) and abs(model) > CLEAR_M:
         return Undulation(
             metres=float("nan"),
             source=source,

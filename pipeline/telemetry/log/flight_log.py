@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
 
-LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt"]
+LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt", "misb klv", "flight record"]
 EARTH, HEADING, BODY = 0, 1, 2
 Datum = Literal["ellipsoid", "mean sea level", "home"]
 
@@ -176,8 +176,9 @@ class FlightLog:
     gimbals             every gimbal in it, as the flight file's key `gimbal` names them, where their attitudes differ
     counts              message name -> how many whole messages, of every sender
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
-    camera_event_s      (k,) log times of exposures, and which message says so
+    camera_event_s      (k,) log times of exposures, which message says so, and how well
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
+    video_start_s, video_start_sigma_s  log time of frame 0 of the video that the log lies in; NaN where it lies in none
     takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
     notes               one sentence each: what a careful reader should know
     excerpt_s           the log time that was read whole, where the rest was only sampled (`counts` and series hold what
@@ -198,9 +199,12 @@ class FlightLog:
     gimbal: GimbalSeries | None = None
     camera_event_s: Floats = field(default_factory=lambda: np.empty(0))
     camera_event_source: str = ""
+    camera_event_sigma_s: float = 0.0
     utc: ClockModel | None = None
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
+    video_start_s: float = float("nan")
+    video_start_sigma_s: float = float("nan")
     takeoff_given: bool = False
     notes: tuple[str, ...] = ()
     excerpt_s: tuple[float, float] | None = None
