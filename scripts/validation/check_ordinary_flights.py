@@ -53,16 +53,22 @@ Path3 = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drawn:
-    """One flight: the problem as a user would pose it, the kinds of motion, and the truth."""
+    """One flight: the problem as a user would pose it, the kinds of motion, and the truth.
+
+    places  of each camera: common times (f,) of its frames, and where it was (f, 3)
+    """
 
     problem: Problem
     kinds: tuple[str, ...]
     paths: tuple[Path3, ...]
     offset_s: dict[str, float]
+    places: dict[str, tuple[Floats, Floats]]
 
 
-def drawn(seed: int, walk: str = "", cameras: int = 0, duration_s: float = 0.0) -> Drawn:
-    """A flight by its seed."""
+def drawn(
+    seed: int, walk: str = "", cameras: int = 0, duration_s: float = 0.0, narrow: tuple[float, float] | None = None
+) -> Drawn:
+    """A flight by its seed; `narrow` is (metres between neighbouring cameras, metres from the targets)."""
     rng = np.random.default_rng([20261130, seed])
     duration = duration_s or float(np.exp(rng.uniform(np.log(6), np.log(60))))
     kinds = _kinds(rng, int(rng.integers(1, 9)))
@@ -73,15 +79,22 @@ def drawn(seed: int, walk: str = "", cameras: int = 0, duration_s: float = 0.0) 
     count = cameras or int(rng.choice([2, 2, 3, 4]))
     distance, height = float(rng.uniform(120, 400)), float(rng.uniform(60, 200))
     heading = float(rng.uniform(0, 2 * np.pi))
-    inputs, offsets = [], {}
+    if narrow:
+        distance = narrow[1]
+    inputs, offsets, places = [], {}, {}
     for c in range(count):
         name = f"uav{c + 1}"
         offsets[name] = 0.0 if c == 0 else float(rng.uniform(-4, 4) * min(1.0, duration / 12))
-        heading += float(rng.uniform(0.6, 1.8)) * (c > 0)
-        inputs.append(_camera(name, rng, paths, grade, offsets[name], rate, duration, heading, distance, height, walk))
+        apart = float(rng.uniform(0.6, 1.8))
+        heading += (narrow[0] / distance if narrow else apart) * (c > 0)
+        spread = (1.0, 1.0) if narrow else (float(rng.uniform(0.8, 1.25)), float(rng.uniform(0.7, 1.4)))
+        where = heading, distance * spread[0], height * spread[1]
+        camera, common, place = _camera(name, rng, paths, grade, offsets[name], rate, duration, where, walk)
+        inputs.append(camera)
+        places[name] = common, place
     targets = tuple(TargetInput(target=f"car{n + 1}") for n in range(len(kinds)))
     problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera="uav1")
-    return Drawn(problem=problem, kinds=kinds, paths=paths, offset_s=offsets)
+    return Drawn(problem=problem, kinds=kinds, paths=paths, offset_s=offsets, places=places)
 
 
 def _grade(rng: np.random.Generator) -> dict[str, float]:
@@ -142,13 +155,13 @@ def _wander(time_s: Floats, rng: np.random.Generator, size_m: float) -> Floats:
 
 def _camera(
     name: str, rng: np.random.Generator, paths: Sequence[Path3], grade: InstrumentSigma, offset_s: float, rate: float,
-    duration: float, heading: float, distance: float, height: float, walk: str,
-) -> CameraInput:  # fmt: skip
-    """One camera's sightings and measured poses. Common time = frame / true rate + offset."""
+    duration: float, where: tuple[float, float, float], walk: str,
+) -> tuple[CameraInput, Floats, Floats]:  # fmt: skip
+    """One camera's sightings and measured poses, and where it was when. Common time = frame / true rate + offset."""
     frames = np.arange(int(duration * rate))
     true_rate = rate * (1 + rng.normal() * 1e-4)
     common = frames / true_rate + offset_s
-    place = _flown(common, duration, rng, heading, distance * rng.uniform(0.8, 1.25), height * rng.uniform(0.7, 1.4))
+    place = _flown(common, duration, rng, *where)
     axes = _looking(place, common, paths, rng)
     focal, sigma_px = float(rng.uniform(900, 1800)), 1.0
     reported_place, reported_axes, sigma = _measured(common, place, axes, grade, rng, walk)
@@ -177,9 +190,10 @@ def _camera(
         camera=name, frame=shown, time_s=shown / rate, position_enu_m=reported_place[shown],
         enu_from_cam=np.array([_quaternion(reported_axes[f].T) for f in shown]),
     )  # fmt: skip
-    return CameraInput(
+    camera = CameraInput(
         camera=name, rays=rays, poses=poses, frame_rate=rate, offset_s=0.0 if name == "uav1" else None, sigma=sigma
     )
+    return camera, common, place
 
 
 def _flown(

@@ -18,7 +18,7 @@ from calibration.foundation.arrays import Floats
 from pipeline.records import DepthRange, Finding, Grade, Problem, Reason, Solution, Verdict, worst
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.changes import FREED
-from pipeline.solver.judgement.culprits import Clocks, Explained, Searched, search_culprits
+from pipeline.solver.judgement.culprits import RESTORED, Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
@@ -35,8 +35,6 @@ from pipeline.solver.judgement.words import (
 )
 from pipeline.solver.methods.results import Outcome
 
-RESTORED = 4.0
-"""z of unit weight below which a change counts as restoring the fit."""
 NAMED = 3
 """Suspects that are named."""
 FURTHER = 6
