@@ -227,7 +227,10 @@ def _inspect(commands: Commands) -> None:
         "runningfix inspect uav1.tlog -o uav1.svg",
     )
     parser.add_argument(
-        "log", type=Path, metavar="LOG", help=".tlog .mavlink .bin .log .ulg .srt, or a .ts with metadata"
+        "log",
+        type=Path,
+        metavar="LOG",
+        help=".tlog .mavlink .bin .log .ulg .srt, .ts with metadata, .csv of AirData or DJI",
     )
     parser.add_argument("--system", type=int, metavar="ID", help="of several vehicles on one MAVLink link, this one")
     parser.add_argument(

@@ -61,13 +61,15 @@ class CameraSettings:
     """One `[cameras.NAME]` table.
 
     Paths are absolute; `dialect` is a name or a path. `tracker` is the coarse tracker in `video`, where there are no
-    `tracks`. `system` and `gimbal` pick one of several in a log. `mount_correction` turns the camera in its mount or
-    gimbal. `sigma` holds only the keys that were given, in SI units.
+    `tracks`; `video_stream` picks one of several pictures in the video. `system` and `gimbal` pick one of several in a
+    log. `mount_correction` turns the camera in its mount or gimbal. `sigma` holds only the keys that were given, in SI
+    units.
     """
 
     name: str
     calibration: Path
     video: Path | None = None
+    video_stream: int | None = None
     video_area: VideoArea | None = None
     tracks: Path | None = None
     tracker: TrackerName = "kcf"
