@@ -24,6 +24,7 @@ OWN_MODULES = (
     "experiment",
     "inspect",
     "label",
+    "match",
 )
 
 

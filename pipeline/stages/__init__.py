@@ -15,6 +15,7 @@ from pipeline.stages.problem.rays import sight_rays
 from pipeline.stages.running.check import check_flight
 from pipeline.stages.running.flight import run_flight
 from pipeline.stages.running.ledger import Ledger, writing
+from pipeline.stages.running.match import MatchRun, run_match
 from pipeline.stages.running.poses import run_poses
 from pipeline.stages.running.provenance import decisive
 from pipeline.stages.running.results import gather_results
@@ -24,6 +25,7 @@ from pipeline.stages.running.track import run_track
 
 __all__ = [
     "Ledger",
+    "MatchRun",
     "MeasuredPoses",
     "Outlook",
     "RunSummary",
@@ -37,6 +39,7 @@ __all__ = [
     "read_models",
     "read_tracks",
     "run_flight",
+    "run_match",
     "run_poses",
     "run_solve",
     "run_track",
