@@ -20,6 +20,8 @@ caching: Any = importlib.import_module("numba.core.caching")
 
 def kept(dispatcher: Any, options: dict[str, Any]) -> Any:
     """The same compiled function, which looks for its code on disk before it compiles."""
+    if not hasattr(dispatcher, "py_func"):  # NUMBA_DISABLE_JIT is set: it is the plain function
+        return dispatcher
     with contextlib.suppress(RuntimeError):  # numba's word for: no folder can be written
         dispatcher._cache = _ContentCache(dispatcher.py_func, options)
     return dispatcher

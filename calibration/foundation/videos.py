@@ -1,9 +1,9 @@
-"""A video as it is named to libraries, which take names for URLs and protocols, and text for a list of other files."""
+"""Which files are opened as videos: regular ones, by their bytes, and none that only names others."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
+from typing import BinaryIO
 
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import check_regular
@@ -14,22 +14,16 @@ RAW_HEAD = b"YUV4MPEG2"
 """The one kind of video that begins as text."""
 
 
-def video_name(path: Path, expected: str = "a video") -> str:
-    """The name under which libraries open the video at `path`: absolute, so that nothing in it is a protocol.
+def open_video(path: Path, expected: str = "a video") -> BinaryIO:
+    """The video at `path`, open for reading: whoever decodes it is given bytes, never a name.
 
-    Raises InputFileError where it is no regular file, its name is not UTF-8, or it is text that names other files.
+    Raises InputFileError where it is no regular file, cannot be read, or is text that names other files.
     """
     check_regular(path, expected=expected)
-    name = os.path.abspath(path)
     try:
-        name.encode()
-    except UnicodeEncodeError:
-        raise InputFileError(
-            where=ascii(str(path)), seen="a name that is not UTF-8", expected=expected, advice="rename the file"
-        ) from None
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
+        file = path.open("rb")
+        head = file.read(HEAD_BYTES)
+        file.seek(0)
     except OSError as error:
         raise InputFileError(
             where=str(path),
@@ -38,13 +32,14 @@ def video_name(path: Path, expected: str = "a video") -> str:
             advice="check its permissions",
         ) from None
     if _is_text(head):
+        file.close()
         raise InputFileError(
             where=str(path),
             seen="text, such as a playlist or a script that names other files",
             expected="one video file (mp4, mov, mkv, avi, ts ...)",
             advice="name the recording itself; join several with ffmpeg first",
         )
-    return name
+    return file
 
 
 def _is_text(head: bytes) -> bool:

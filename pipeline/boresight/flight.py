@@ -26,6 +26,7 @@ from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import poses_of
 from pipeline.stages.problem.priors import place_sigma_px
 from pipeline.stages.problem.rays import sight_rays
+from pipeline.telemetry import is_pose_table
 
 LEAST_FRAMES = 10
 VAGUE_DEG = 5.0
@@ -187,7 +188,7 @@ def _boresight(
         rays, Known(place_enu_m=places[inside], sigma_m=sigma_m), poses_at, pose.sigma, start_sigma_s=start_sigma
     )
     return _answer(flight, pose, found, len(frames), has_mount=shifted is not None and camera.telemetry is not None
-                   and camera.telemetry.suffix != ".csv")  # fmt: skip
+                   and not is_pose_table(camera.telemetry))  # fmt: skip
 
 
 def _places_at(

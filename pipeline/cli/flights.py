@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import json
-import math
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calibration.foundation.errors import DID_NOT_CONVERGE
 from pipeline.cli.console import Console
 from pipeline.flight import read_flight
 from pipeline.stages import RunSummary, run_flight, run_poses, run_solve, run_track
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
 ACTIONS = {"poses": run_poses, "solve": run_solve, "run": run_flight}
 OFFSET, POSITION = ("camera", "offset_s", "offset_sigma_s"), ("target", "typical_sigma_m")
-GRADES = {
-    "good": "good: nothing speaks against it",
-    "care": "care: read the reasons before you rely on it",
-    "bad": "BAD: do not use this; every file says so",
-}
-MARKS = {"good": "-", "care": "!", "bad": "x"}
 FIGURES = ("status", "method", "iterations", "cost", "chi_square", "degrees_of_freedom", "message")
 
 
@@ -64,61 +60,20 @@ def machine_summary(summary: RunSummary, out: Path, *, solved: bool) -> dict[str
     }
 
 
-def words(report: dict[str, Any], out: Path) -> str:
+def words(report: dict[str, Any], out: Path) -> RenderableType:
     """The same for people."""
-    lines = []
+    lines: list[RenderableType] = []
     if report["status"] != "done":
-        lines.append(
-            f"{report['method']}: {report['status']} after {report['iterations']} iterations, chi-square "
-            f"{report['chi_square']:.1f} for {report['degrees_of_freedom']} degrees of freedom. {report['message']}"
-        )
-        lines += [f"  {finding['words']}" for finding in report["findings"]]
-        lines += verdict_lines(report)
+        from pipeline.cli.result import shown
+
+        lines += [shown(json.loads((out / "solution.json").read_text())), ""]
     if report["skipped"]:
         lines.append(f"already finished: {', '.join(report['skipped'])}")
     lines.append(f"{len(report['files'])} files in {out}")
     if (out / "report.html").exists() and report["status"] != "done":
         lines.append(f"look at {out / 'report.html'}")
-    return "\n".join(lines)
+    if all(isinstance(line, str) for line in lines):
+        return "\n".join(str(line) for line in lines)
+    from rich.console import Group
 
-
-def verdict_lines(report: dict[str, Any]) -> list[str]:
-    """The verdict with its reasons, every offset and every target's typical sigma."""
-    lines = [f"verdict    {GRADES[report['verdict']['grade']]}"]
-    for reason in report["verdict"]["reasons"]:
-        subject = f"{reason['subject']}: " if reason["subject"] and reason["subject"] not in reason["words"] else ""
-        lines.append(f"  {MARKS[reason['grade']]} {subject}{reason['words']}")
-        if reason["advice"]:
-            lines.append(f"    {reason['advice']}")
-    for clock in report["offsets"]:
-        if clock["offset_sigma_s"] != 0:
-            lines.append(
-                f"offset     {clock['camera']:<16}{_measured(clock['offset_s'], clock['offset_sigma_s'], 's')}"
-            )
-    for target in report["positions"]:
-        sigma = target["typical_sigma_m"]
-        lines.append(f"position   {target['target']:<16}{'unknown' if sigma is None else f'{sigma:.3g} m'} (one sigma)")
-    return lines + known_lines(report)
-
-
-def known_lines(report: dict[str, Any]) -> list[str]:
-    """Landmarks and check points against their coordinates, and what the ground is off by."""
-    lines = []
-    for mark in report.get("landmarks", []):
-        word = "check" if mark["kind"] == "check" else "landmark"
-        if "off_m" in mark:
-            off = math.sqrt(sum(v * v for v in mark["off_m"]))
-            told = f"{off:.3g} m from its coordinates ({mark['error_over_sigma']:.2f} sigmas)"
-        else:
-            sigma = math.sqrt(sum(v * v for v in mark["sigma_m"]))
-            told = f"{sigma:.3g} m (one sigma)"
-        lines.append(f"{word:<11}{mark['landmark']:<16}{told}, {mark['sightings']} sightings")
-    for one in report.get("ground", []):
-        lines.append(
-            f"ground     {one['target']:<16}{one['off_m']:+.2f} +- {one['sigma_m']:.2f} m from where it was said"
-        )
-    return lines
-
-
-def _measured(value: float, sigma: float | None, unit: str) -> str:
-    return f"{value:+.6g} {unit}, sigma unknown" if sigma is None else f"{value:+.4f} +- {sigma:.4f} {unit} (one sigma)"
+    return Group(*lines)

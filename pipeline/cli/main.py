@@ -12,6 +12,7 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 OWN_MODULES = (
+    "batch",
     "board",
     "boresight",
     "calibrate",
@@ -23,6 +24,7 @@ OWN_MODULES = (
     "experiment",
     "inspect",
     "label",
+    "match",
 )
 
 
@@ -72,7 +74,7 @@ def run(arguments: Namespace, given: Sequence[str] = ()) -> int:
     def act() -> int:
         check_arguments(list(given))
         module = arguments.command if arguments.command in OWN_MODULES else "flights"
-        action = partial(importlib.import_module(f"pipeline.cli.{module}").run, arguments, console)
+        action = partial(importlib.import_module(f"{__package__}.{module}").run, arguments, console)
         code: int = action()
         return code
 

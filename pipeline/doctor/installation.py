@@ -17,7 +17,7 @@ from typing import Literal
 
 OPENCV = ("opencv-python", "opencv-python-headless", "opencv-contrib-python", "opencv-contrib-python-headless")
 OURS = "opencv-contrib-python-headless"
-NEEDED = ("numpy", "scipy", "pandas", OURS, "pymavlink", "tqdm", "pyyaml", "pillow")
+NEEDED = ("numpy", "scipy", "pandas", OURS, "pymavlink", "rich", "pyyaml", "pillow")
 EXTRAS: Mapping[str, tuple[str, str]] = {
     "fast": ("numba", "compiled kernels; without them a solve takes several times as long"),
     "ulog": ("pyulog", "PX4 .ulg logs"),

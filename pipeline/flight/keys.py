@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pipeline.flight.settings import AUTO, CAMERA_EVENT
+from pipeline.flight.settings import AUTO, CAMERA_EVENT, IN_THE_VIDEO
 from pipeline.flight.table import Table
 
 Reader = Callable[[Table, str, Path], Any]
@@ -121,6 +121,17 @@ def path(needed: str = "") -> Reader:
         return None if name is None else folder / name
 
     return read
+
+
+def telemetry(table: Table, key: str, folder: Path) -> Path | None:
+    """A flight log or a table of poses, relative to the folder, or the camera's video where that carries the log."""
+    name = table.text(key)
+    if name != IN_THE_VIDEO:
+        return None if name is None else folder / name
+    video = table.text("video")
+    if video is None:
+        raise table.refuse(key, "a camera with a video", 'write video = "clip.ts", or name the log')
+    return folder / video
 
 
 def dialect(table: Table, key: str, folder: Path) -> str:

@@ -124,9 +124,10 @@ SIGMA_KEYS = (
 CAMERA_KEYS = (
     Key("calibration", keys.path(needed="make one with `runningfix calibrate`")),
     Key("video", keys.path()),
+    Key("video_stream", keys.whole(low=0, high=999)),
     Key("video_area", video_area),
     Key("tracks", keys.path()),
-    Key("telemetry", keys.path()),
+    Key("telemetry", keys.telemetry),
     Key("pose", keys.section(POSE_KEYS, still_pose)),
     Key("tracker", keys.choice(TRACKERS, "kcf")),
     Key("dialect", keys.dialect),

@@ -15,6 +15,8 @@ from pipeline.records.problem import ClockKind, Method, Robust
 
 Vector = tuple[float, float, float]
 CAMERA_EVENT, AUTO = "camera-event", "auto"
+IN_THE_VIDEO = "video"
+"""`telemetry` where the video itself carries it."""
 """`start` in words: the first exposure that the log knows of; found by the camera's turning."""
 
 
@@ -60,13 +62,15 @@ class CameraSettings:
     """One `[cameras.NAME]` table.
 
     Paths are absolute; `dialect` is a name or a path. `tracker` is the coarse tracker in `video`, where there are no
-    `tracks`. `system` and `gimbal` pick one of several in a log. `mount_correction` turns the camera in its mount or
-    gimbal. `sigma` holds only the keys that were given, in SI units.
+    `tracks`; `video_stream` picks one of several pictures in the video. `system` and `gimbal` pick one of several in a
+    log. `mount_correction` turns the camera in its mount or gimbal. `sigma` holds only the keys that were given, in SI
+    units.
     """
 
     name: str
     calibration: Path
     video: Path | None = None
+    video_stream: int | None = None
     video_area: VideoArea | None = None
     tracks: Path | None = None
     tracker: TrackerName = "kcf"

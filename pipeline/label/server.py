@@ -39,7 +39,7 @@ class LabelServer(ThreadingHTTPServer):
 
 def page_text() -> str:
     """The label page."""
-    return (resources.files("pipeline.label") / "page.html").read_text(encoding="utf-8")
+    return (resources.files(__package__) / "page.html").read_text(encoding="utf-8")
 
 
 def label_server(session: LabelSession, *, port: int = 0, page: str | None = None) -> LabelServer:

@@ -28,7 +28,9 @@ class LabelSession:
     def __init__(self, path: Path, out: Path) -> None:
         """Raises InputFileError and UsageError for what is wrong in the flight file or its videos."""
         self.path, self.out = path, out
-        self._readers = {c.name: FrameReader(c.video) for c in read_flight(path).cameras if c.video is not None}
+        self._readers = {
+            c.name: FrameReader(c.video, c.video_stream) for c in read_flight(path).cameras if c.video is not None
+        }
         if not self._readers:
             raise UsageError(
                 where=str(path), seen="no camera with a video", expected="video = \"...\" in a [cameras.NAME]",

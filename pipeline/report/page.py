@@ -89,7 +89,7 @@ def _foot(results: Results) -> Html:
 
 def _asset(name: str) -> Html:
     """Text of a file beside this module, to stand inside a style or script element."""
-    text = files("pipeline.report").joinpath(name).read_text(encoding="utf-8")
+    text = files(__package__).joinpath(name).read_text(encoding="utf-8")
     if "</" in text:
         raise ValueError(f"{name}: must not contain '</'")
     return Html("\n" + text)

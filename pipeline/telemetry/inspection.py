@@ -10,7 +10,8 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
-from pipeline.telemetry.camera_pose.sigma import log_sigma
+from pipeline.telemetry.camera_pose.sigma import log_sigma, position_worth
+from pipeline.telemetry.camera_pose.truth import truth_words
 from pipeline.telemetry.clocks.own_clock import counts_from_1970
 from pipeline.telemetry.gimbals.frames import FRAME_NAMES
 from pipeline.telemetry.log.flight_log import FlightLog
@@ -68,7 +69,16 @@ def inspect_log(log: FlightLog) -> Inspection:
         series=series,
         missing=missing,
         flight_file=keys,
-        words=(*_head(log), *map(_series_words, series), *_more(log), *log.notes, *missing, *to_write),
+        words=(
+            *_head(log),
+            *map(_series_words, series),
+            *_more(log),
+            *log.notes,
+            *position_worth(log).notes,
+            *truth_words(log),
+            *missing,
+            *to_write,
+        ),
     )
 
 
@@ -105,7 +115,8 @@ def _missing(log: FlightLog) -> tuple[str, ...]:
 
 def _flight_file(log: FlightLog) -> tuple[str, ...]:
     """Lines for a camera's table."""
-    lines = [f'telemetry = "{log.path.name}"']
+    inside = log.format == "misb klv"
+    lines = [f'video = "{log.path.name}"', 'telemetry = "video"'] if inside else [f'telemetry = "{log.path.name}"']
     if len(log.systems) > 1:
         lines.append(f"system = {log.system}   # of {', '.join(map(str, log.systems))}")
     if log.gimbal is not None and log.gimbal.valid.sum() >= 2:
@@ -114,13 +125,15 @@ def _flight_file(log: FlightLog) -> tuple[str, ...]:
             lines.append(f"gimbal = {log.gimbals[0]}   # of {', '.join(map(str, log.gimbals))}")
     else:
         lines.append("mount = { roll_deg = 0, pitch_deg = 0, yaw_deg = 0 }   # the camera in the body: fill in")
-    if len(log.camera_event_s):
+    if np.isfinite(log.video_start_s):
+        lines.append("# no start: the time stamps beside the video tell it")
+    elif len(log.camera_event_s):
         lines.append('start = "camera-event"   # if the first exposure is frame 0; else "auto"')
     elif log.format == "dji srt":
         lines.append("start = 0.0   # of the video that the subtitles belong to")
     else:
-        utc = "a UTC time, " if log.utc is not None else ""
-        lines.append(f'start = "auto"   # or {utc}or seconds of log time')
+        utc = "a UTC time, or " if log.utc is not None else ""
+        lines.append(f'start = "auto"   # or {utc}seconds of log time')
     if log.position is not None and log.position.datum == "home":
         lines.append('takeoff = { height = 0.0, datum = "msl" }   # how high the take-off place is: fill in')
     return tuple(lines)
@@ -165,6 +178,10 @@ def _more(log: FlightLog) -> list[str]:
         lines.append(
             f"{len(log.camera_event_s)} camera events by {log.camera_event_source},"
             f" the first at log time {log.camera_event_s[0]:.3f} s"
+        )
+    if np.isfinite(log.video_start_s):
+        lines.append(
+            f"frame 0 of its video at log time {log.video_start_s:.3f} s, within {log.video_start_sigma_s:.2f} s"
         )
     if log.accuracy.source:
         stated = log.accuracy

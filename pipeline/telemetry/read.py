@@ -11,6 +11,9 @@ from pipeline.telemetry.dataflash.flight import dataflash_flight
 from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
 from pipeline.telemetry.excerpts.excerpt import Excerpt, PieceReader, read_excerpts
 from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
+from pipeline.telemetry.flight_records.flight import is_flight_record, read_flight_record
+from pipeline.telemetry.klv.flight import read_klv
+from pipeline.telemetry.klv.transport import is_transport
 from pipeline.telemetry.log.flight_log import FlightLog, LogFormat
 from pipeline.telemetry.log.mapped_file import mapped
 from pipeline.telemetry.log.tables import Progress, RawLog
@@ -20,7 +23,7 @@ from pipeline.telemetry.mavlink.packets.names import FIELDS
 from pipeline.telemetry.subtitles.dji import read_dji_srt
 from pipeline.telemetry.ulog.flight import read_ulog
 
-KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt"
+KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt, .ts with metadata, .csv of AirData or DJI"
 MAVLINK_NAMES: dict[str, LogFormat] = {".tlog": "tlog", ".mavlink": "mavlink", ".mav": "mavlink"}
 HEADS: dict[LogFormat, bytes] = {"ulog": b"ULog", "dataflash": b"\xa3\x95"}
 NAMES: dict[str, LogFormat] = {".ulg": "ulog", ".bin": "dataflash", ".srt": "dji srt", ".log": "dataflash text"}
@@ -69,6 +72,10 @@ def _read(
             return dataflash_flight(read_dataflash_text(path, progress=progress), gimbal=gimbal)
         case "dji srt":
             return read_dji_srt(path, progress=progress)
+        case "flight record":
+            return read_flight_record(path, progress=progress)
+        case "misb klv":
+            return read_klv(path, system=system, progress=progress)
 
 
 def log_format(path: Path) -> LogFormat:
@@ -76,12 +83,17 @@ def log_format(path: Path) -> LogFormat:
 
     Raises InputFileError where the file is missing, empty, or of no known kind.
     """
-    kind, head = path.suffix.lower(), bytes(mapped(path, expected="a flight log")[:4])
+    kind, data = path.suffix.lower(), mapped(path, expected="a flight log")
+    head = bytes(data[:4])
     if kind in MAVLINK_NAMES:
         return MAVLINK_NAMES[kind]
     for known, begin in HEADS.items():
         if head.startswith(begin):
             return known
+    if is_transport(data):
+        return "misb klv"
+    if is_flight_record(path):
+        return "flight record"
     if kind in NAMES:
         return NAMES[kind]
     raise InputFileError(

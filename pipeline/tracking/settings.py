@@ -119,6 +119,8 @@ class WatchSettings:
                    given as the target for a few frames
     held_s         how long a hidden surface point counts as lost while the box holds the target, at most
     search_every   frames between searches for it then
+    blind_s        for which frames may be damaged until a target counts as hidden; doubled, it is looked for too close
+                   to where it was
     """
 
     apart: float = 0.4
@@ -129,6 +131,7 @@ class WatchSettings:
     unsure_s: float = 1.0
     held_s: float = 1.0
     search_every: int = 3
+    blind_s: float = 0.3
 
 
 WATCH = WatchSettings()

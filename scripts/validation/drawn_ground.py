@@ -1,7 +1,7 @@
 """Flights of one camera over cars on level or hilly ground, drawn with nothing of the project but its geodesy.
 
-Hills are cosines of many lengths, of which a model of coarse cells misses some. The ground that a car drives on is the
-model's truth moved by a constant that all cars share and by one of its own: `SIGMA_M` in all, half of the variance each.
+Hills are cosines of many lengths, of which a model of coarse cells misses some. The ground of a car is the
+model's truth moved by a constant that all cars share and by one of its own: `SIGMA_M` in all, the variance halved.
 """
 
 import warnings

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import runningfix
 from calibration.foundation.errors import DID_NOT_CONVERGE, RunningFixError
 from pipeline.cli import door
 from pipeline.cli.parser import build_parser
@@ -56,6 +57,12 @@ def test_every_setting_is_in_the_documented_flight_file(tmp_path):
 def test_every_extra_is_documented():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert not [name for name in extras if f"| `{name}` |" not in DOCS["install"]]
+
+
+def test_every_name_of_the_package_is_documented():
+    assert not [
+        name for name in runningfix.__all__ if f"`{name}`" not in DOCS["python"] and f"rf.{name}" not in DOCS["python"]
+    ]
 
 
 def test_every_exit_code_is_documented():

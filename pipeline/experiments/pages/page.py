@@ -27,7 +27,7 @@ def render_page(outcome: Outcome) -> str:
         tag("meta", name="color-scheme", content="light dark"),
         tag("title", f"{e.title} \u2013 runningfix"),
         tag("link", rel="icon", href="data:,"),
-        tag("style", Html("\n" + files("pipeline.experiments.pages").joinpath("page.css").read_text(encoding="utf-8"))),
+        tag("style", Html("\n" + files(__package__).joinpath("page.css").read_text(encoding="utf-8"))),
     )
     body = joined(
         tag("p", " \u2013 ".join(filter(None, (f"runningfix experiment {e.name}", e.paper))), class_="kicker"),

@@ -44,7 +44,7 @@ def redundancy_left(fit: Fit) -> float:
     frames, order = model.frames, model.order
     known = int(((model.priors.camera_precision > 0) & (order.camera >= 0)).sum())
     known += int((order.wander >= 0).sum())
-    equations = 0.0 if model.known is None else float(model.known.worth.sum()) + model.known.count
+    equations = 0.0 if model.known is None else float(len(model.known.target) + model.known.count)
     own = model.pose.spread[frames.camera] * (1 - model.pose.prior[frames.camera])
     left = 2 * float(frames.seen.sum()) + known + equations - order.n_border - float((own > 0).sum())
     for n, t in enumerate(model.basis.targets):

@@ -1,6 +1,6 @@
 """From the records to the rows of `KnownMotion`: landmarks' places, and targets held against the ground where they go.
 
-A target's way over the ground, from which its rows take their times and roughness, comes from its sight rays: each is
+A target's way over the ground, from which its rows take their times and knots, comes from its sight rays: each is
 followed until it meets the ground (`ray_ground.py`). Once the motion is adjusted, rows are made anew along it.
 """
 
@@ -26,6 +26,12 @@ ROW_S, MOST_ROWS = 0.3, 400
 SMOOTH_S = 0.8
 """Standard deviation in time of the mean over the ground along a way. Bumps that pass in a second are gone, of those
 that pass in four seconds half is left, about what a spline of white jerk follows. With half as much, hills bend it."""
+ROW_M = 0.1
+"""Metres, of every row: springs, stones, what a smooth motion does otherwise than a mean of the ground."""
+MOST_KNOTS = 40
+"""Of the roughness along one target's way: beyond, it is alike for longer than a cell."""
+COMMON = -2
+"""In place of a number: the ground's common error."""
 ALIKE = 3.5
 """Length of a mean, in its standard deviations: what it takes away is alike within."""
 BEFORE_AFTER_S: Floats = SMOOTH_S * np.linspace(-2, 2, 9)
@@ -36,16 +42,17 @@ SAMPLES = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Rows:
-    """Of one target: times, sigmas, axes, levels, and which of the ground's errors act."""
+    """Of one target; `shared` counts its own errors from 0, whose priors are `sigmas_m`; see `KnownMotion`."""
 
     target: int
     time_s: Floats
     sigma_m: Floats
     axis: Ints
     level_m: Floats
-    worth: Floats
     around_m: Floats
     shared: Ints
+    share: Floats
+    sigmas_m: Floats
 
 
 def first_known(problem: Problem, frames: Frames, time_s: Floats) -> tuple[KnownMotion | None, dict[int, Way]]:
@@ -53,13 +60,13 @@ def first_known(problem: Problem, frames: Frames, time_s: Floats) -> tuple[Known
 
     Raises GeometryError where a target's ground is not known, or its rays do not meet it.
     """
-    rows, ways, column = _placed(problem), {}, 1
+    rows, ways = _placed(problem), {}
     for n, target in enumerate(problem.targets):
         if target.on_ground and problem.ground is not None:
             way = way_on_ground(problem, problem.ground, frames, n, time_s)
             when = _times(float(way.time_s[0]), float(way.time_s[-1]))
-            rows.append(_on_ground(problem.ground, target, n, when, way.at, column))
-            ways[n], column = way, column + 1
+            rows.append(_on_ground(problem.ground, target, n, when, way.at))
+            ways[n] = way
     return _joined(problem, rows), ways
 
 
@@ -68,7 +75,7 @@ def renewed_known(problem: Problem, model: Model, state: State) -> Model:
     if problem.ground is None or model.known is None or not (model.known.axis < 0).any():
         return model
     time = common_time_s(model.frames, model.drift, state.camera, state.deviation)
-    rows, column = _placed(problem), 1
+    rows = _placed(problem)
     for n, target in enumerate(problem.targets):
         if target.on_ground:
             own = time[model.frames.seen[:, n]]
@@ -78,8 +85,7 @@ def renewed_known(problem: Problem, model: Model, state: State) -> Model:
             def at(time_s: Floats, n: int = n, ends: tuple[float, float] = ends) -> Floats:
                 return np.asarray(model.basis.position(np.clip(time_s, *ends), state.coefficients)[:, n])
 
-            rows.append(_on_ground(problem.ground, target, n, when, at, column))
-            column += 1
+            rows.append(_on_ground(problem.ground, target, n, when, at))
     return replace(model, known=_joined(problem, rows))
 
 
@@ -93,18 +99,17 @@ def _placed(problem: Problem) -> list[_Rows]:
     return [
         _Rows(
             target=n, time_s=np.zeros(3), sigma_m=np.array(t.surveyed.sigma_m), axis=np.arange(3),
-            level_m=np.array(t.surveyed.position_enu_m), worth=np.ones(3),
-            around_m=np.zeros((3, len(WEIGHT), 2)), shared=np.tile(NO_SHARED, (3, 1)),
+            level_m=np.array(t.surveyed.position_enu_m), around_m=np.zeros((3, len(WEIGHT), 2)),
+            shared=np.tile(NO_SHARED, (3, 1)),
+            share=np.zeros((3, len(NO_SHARED))), sigmas_m=np.zeros(0),
         )
         for n, t in enumerate(problem.targets)
         if t.surveyed is not None and not t.check
     ]  # fmt: skip
 
 
-def _on_ground(
-    ground: Ground, target: TargetInput, n: int, time_s: Floats, way: Callable[[Floats], Floats], column: int
-) -> _Rows:
-    """Rows along a way, times (k,) -> (k, 3). Rows within one cell share its roughness."""
+def _on_ground(ground: Ground, target: TargetInput, n: int, time_s: Floats, way: Callable[[Floats], Floats]) -> _Rows:
+    """Rows along a way, times (k,) -> (k, 3)."""
     place, count = way(time_s)[:, :2], len(time_s)
     around = np.stack([way(time_s + step)[:, :2] - place for step in BEFORE_AFTER_S], axis=1)
     found = ground.at((place[:, None] + around).reshape(-1, 2))
@@ -112,17 +117,21 @@ def _on_ground(
     good = found.known.reshape(count, -1).all(axis=1)
     if not good.any():
         raise _unknown_ground(target, ground, place)
-    length = float(np.linalg.norm(np.diff(place, axis=0), axis=1).sum())
-    alike_m = max(ground.cell_m, ALIKE * length * SMOOTH_S / max(float(np.ptp(time_s)), SMOOTH_S))
-    shared = max(1.0, count / (1 + length / alike_m))
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+    alike_m = max(ground.cell_m, ALIKE * SMOOTH_S * way_m[-1] / max(float(np.ptp(time_s)), SMOOTH_S))
     taken = (up[:, len(WEIGHT) // 2] - up @ WEIGHT) ** 2
     sigma = np.sqrt((rough**2) @ WEIGHT + np.convolve(np.pad(taken, 3, mode="edge"), np.full(7, 1 / 7), "valid"))
-    errors = [0 if ground.common_m > 0 else -1, column if ground.own_m > 0 else -1]
+    knots = 1 + int(np.clip(np.ceil(way_m[-1] / alike_m), 0, MOST_KNOTS))
+    at = way_m / max(way_m[-1], 1e-9) * (knots - 1)
+    left = np.minimum(at.astype(int), max(knots - 2, 0))
+    right = np.minimum(left + 1, knots - 1)
+    shared = np.column_stack([np.full(count, COMMON), np.zeros(count, dtype=int), 1 + left, 1 + right])
+    share = np.column_stack([np.ones((count, 2)), 1 - (at - left), np.where(knots > 1, at - left, 0.0)])
+    knot_sigma = np.interp(np.arange(knots), at, sigma) if count > 1 and knots > 1 else np.full(knots, sigma.mean())
     return _Rows(
-        target=n, time_s=time_s[good], sigma_m=sigma[good] * np.sqrt(shared), around_m=around[good],
+        target=n, time_s=time_s[good], sigma_m=np.full(int(good.sum()), ROW_M), around_m=around[good],
         axis=np.full(int(good.sum()), -1), level_m=np.full(int(good.sum()), target.above_ground_m),
-        worth=np.full(int(good.sum()), 1 / shared),
-        shared=np.tile(errors, (int(good.sum()), 1)),
+        shared=shared[good], share=share[good], sigmas_m=np.concatenate([[ground.own_m], knot_sigma]),
     )  # fmt: skip
 
 
@@ -138,24 +147,28 @@ def _unknown_ground(target: TargetInput, ground: Ground, place_m: Floats) -> Geo
 
 
 def _joined(problem: Problem, rows: list[_Rows]) -> KnownMotion | None:
+    """All rows, their ground errors numbered: the common one first, then each target's own and its knots'."""
     if not rows:
         return None
     ground = problem.ground
-    shared = np.concatenate([r.shared for r in rows])
-    own = sum(t.on_ground for t in problem.targets) if ground is not None else 0
-    sigma = np.array([]) if ground is None else np.array([ground.common_m, *[ground.own_m] * own])
-    used = np.unique(shared[shared >= 0])
-    renumbered = np.where(shared >= 0, np.searchsorted(used, shared), -1)
+    sigmas, shared = [np.zeros(0) if ground is None else np.array([ground.common_m])], []
+    for r in rows:
+        first = sum(len(s) for s in sigmas)
+        shared.append(np.where(r.shared == COMMON, 0, np.where(r.shared >= 0, r.shared + first, -1)))
+        sigmas.append(r.sigmas_m)
+    sigma, every = np.concatenate(sigmas), np.concatenate(shared)
+    every = np.where((every >= 0) & (np.append(sigma, 0.0)[every] > 0), every, -1)
+    used = np.unique(every[every >= 0])
     return KnownMotion(
         target=np.concatenate([np.full(len(r.time_s), r.target) for r in rows]),
         time_s=np.concatenate([r.time_s for r in rows]),
         sigma_m=np.concatenate([r.sigma_m for r in rows]),
         axis=np.concatenate([r.axis for r in rows]),
         level_m=np.concatenate([r.level_m for r in rows]),
-        worth=np.concatenate([r.worth for r in rows]),
         around_m=np.concatenate([r.around_m for r in rows]),
         weight=WEIGHT,
-        shared=renumbered,
+        shared=np.where(every >= 0, np.searchsorted(used, every), -1),
+        share=np.concatenate([r.share for r in rows]),
         shared_sigma_m=sigma[used] if len(used) else np.zeros(0),
         ground=None if ground is None else ground.at,
     )

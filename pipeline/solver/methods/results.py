@@ -225,7 +225,7 @@ def _degrees_of_freedom(model: Model, observations: int) -> int:
     priors = int(((model.priors.camera_precision > 0) & model.priors.camera_free).sum())
     priors += int((model.order.wander >= 0).sum())
     if model.known is not None:
-        priors += round(float(model.known.worth.sum())) + model.known.count
+        priors += len(model.known.target) + model.known.count
     return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
 
 

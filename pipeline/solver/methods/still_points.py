@@ -60,7 +60,7 @@ def ground_fits(problem: Problem, model: Model, state: State, covariance: Covari
         rows = rows[known.axis[rows] < 0]
         if not len(rows):
             continue
-        acting = known.shared[rows[0]]
+        acting = known.shared[rows[0], :2]
         acting = acting[acting >= 0]
         place = model.order.ground[acting]
         sigma = np.nan if covariance is None else np.sqrt(covariance.pairs(place[:, None], place[None, :]).sum())

@@ -6,15 +6,16 @@ A known place is three rows, axis i of the target at any time:
 
 A target on the ground is a row for every time at which it is held against it, linear in the slope where it is:
 
-    (X_up - mean of h(X_east + e_j, X_north + n_j) - above - b_common - b_own) / sigma = 0
+    (X_up - mean of h(X_east + e_j, X_north + n_j) - above - b_common - b_own - b_rough) / sigma = 0
 
 The places (e_j, n_j) lie along the way of the target, before and after: a motion is smooth, and a ground whose bumps
 it had to follow would bend it, shrink it, or draw it to where the ground is even. What the mean takes away counts as
 roughness.
 
 b_common and b_own are unknowns with priors: what the whole ground is off by, and what it is off by along one target's
-stretch. sigma is what remains, the roughness that the model's cells do not show. It is alike within a cell, so that the
-rows of one cell share one roughness among them, and rows of a target that does not move are one row.
+stretch. b_rough are unknowns, too, at knots along the way, between which they are linear: what the model's cells do not
+show is alike within a cell. Were it new in every row, a motion could follow each wiggle of the attitude up and down,
+which is cheaper the nearer it is to the camera. sigma is what remains from row to row.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from pipeline.records.ground import GroundAt
 from pipeline.solver.observation.motion_basis import MotionBasis
 
 EAST_NORTH, UP = slice(0, 2), 2
-NO_SHARED: Ints = np.array([-1, -1])
+NO_SHARED: Ints = np.full(4, -1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,9 +39,8 @@ class KnownMotion:
     target (K,), time_s (K,) common time, sigma_m (K,)
     axis     (K,) 0 to 2 of a known place; -1: a row on the ground
     level_m  (K,) coordinate of the place, or height above the ground
-    worth    (K,) how much of an equation a row is: rows that share one roughness are one equation together
     around_m (K, J, 2) places along the way, from the target's own, over which heights are averaged; weight (J,) of them
-    shared   (K, 2) which of the ground's errors act, -1 none; shared_sigma_m (G,) their priors
+    shared   (K, S) which of the ground's errors act, -1 none; share (K, S) how much; shared_sigma_m (G,) their priors
     ground   heights and slopes; None where no row is on the ground
     """
 
@@ -49,10 +49,10 @@ class KnownMotion:
     sigma_m: Floats
     axis: Ints
     level_m: Floats
-    worth: Floats
     around_m: Floats
     weight: Floats
     shared: Ints
+    share: Floats
     shared_sigma_m: Floats
     ground: GroundAt | None = None
 
@@ -78,7 +78,7 @@ class KnownMotion:
             off[on_ground] -= found.up_m.reshape(places.shape[:2]) @ self.weight
             normal[on_ground, EAST_NORTH] = -np.einsum("kjx,j->kx", found.slope.reshape(places.shape), self.weight)
             padded = np.append(errors_m, 0.0)  # -1: none
-            off -= padded[self.shared[rows]].sum(axis=1)
+            off -= (padded[self.shared[rows]] * self.share[rows]).sum(axis=1)
         return off / self.sigma_m[rows], normal / self.sigma_m[rows, None]
 
 
@@ -108,7 +108,8 @@ def linearised_rows(
         at = places[acting].reshape(len(rows), -1)
         if known.count:
             own = known.shared[rows]
-            columns = np.concatenate([columns, np.where(own >= 0, -1 / known.sigma_m[rows, None], 0.0)], axis=1)
+            by_errors = np.where(own >= 0, -known.share[rows] / known.sigma_m[rows, None], 0.0)
+            columns = np.concatenate([columns, by_errors], axis=1)
             at = np.concatenate([at, np.where(own >= 0, np.append(shared_places, -1)[own], -1)], axis=1)
         out.append(KnownRows(residual=residual, columns=columns, places=at))
     return out

@@ -10,10 +10,10 @@ from pipeline.solver.uncertainty.covariance import Covariance
 
 
 def known_redundancy(model: Model, state: State, covariance: Covariance) -> float:
-    """Each row's worth less its leverage, the ground's errors' priors less what they leave open; zero without rows."""
+    """One for each row less its leverage, the ground's errors' priors less what they leave open; zero without rows."""
     if model.known is None:
         return 0.0
-    total = float(model.known.worth.sum())
+    total = float(len(model.known.target))
     for rows in rows_of(model, state):
         held = np.where(rows.places >= 0, rows.places, rows.places[:, :1])
         columns = np.where(rows.places >= 0, rows.columns, 0.0)

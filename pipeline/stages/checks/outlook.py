@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 from calibration.camera import CameraModel
@@ -70,7 +71,7 @@ def look_ahead(
     videos = {}
     for camera in flight.cameras:
         if camera.video is not None:
-            times = _tried(lambda video=camera.video: video_times(video), errors)  # type: ignore[misc]
+            times = _tried(partial(video_times, camera.video, camera.video_stream), errors)
             if times is not None:
                 videos[camera.name] = times
     nothing = Sources(logs={}, tables={}, origin=None)

@@ -24,20 +24,23 @@ def read_models(flight: Flight, left_out: Collection[str] = ()) -> dict[str, Cam
 def model_of(flight: Flight, camera: CameraSettings) -> CameraModel:
     """The model of one camera, as `read_models`; without a video there is nothing to hold it against."""
     video = camera.video if camera.video is not None and camera.video.is_file() else None
-    return fitting_model(camera.calibration, video, camera.video_area, flight.key(camera.name, "calibration"))
+    where = flight.key(camera.name, "calibration")
+    return fitting_model(camera.calibration, video, camera.video_area, where, camera.video_stream)
 
 
-def fitting_model(calibration: Path, video: Path | None, area: VideoArea | None, where: str) -> CameraModel:
+def fitting_model(
+    calibration: Path, video: Path | None, area: VideoArea | None, where: str, stream: int | None = None
+) -> CameraModel:
     """The model in `calibration` of the pictures of `video`, of which it shows `area`. Raises as `read_models`."""
     model = read_camera(calibration)
     if video is None:
         return model
     part = None if area is None else Area(crop=area.crop, of=area.of)
-    picture = _picture(video, video.stat().st_mtime_ns)
+    picture = _picture(video, stream, video.stat().st_mtime_ns)
     return fitted(model, picture, file=calibration, video=video, where=where, area=part)
 
 
-_picture = lru_cache(maxsize=64)(lambda video, changed_ns: video_picture(video))
+_picture = lru_cache(maxsize=64)(lambda video, stream, changed_ns: video_picture(video, stream))
 
 
 def camera_notes(name: str, model: CameraModel) -> tuple[str, ...]:

@@ -34,13 +34,13 @@ def video_clock(camera: CameraSettings) -> VideoClock | None:
     if camera.video is None:
         return None
     changed_ns = camera.video.stat().st_mtime_ns if camera.video.exists() else 0
-    return scaled_clock(_times(camera.video, changed_ns), camera.frame_rate)
+    return scaled_clock(_times(camera.video, camera.video_stream, changed_ns), camera.frame_rate)
 
 
 @lru_cache(maxsize=16)
-def _times(video: Path, changed_ns: int) -> VideoTimes:
+def _times(video: Path, stream: int | None, changed_ns: int) -> VideoTimes:
     """The times of a video, read once in a run."""
-    return video_times(video)
+    return video_times(video, stream)
 
 
 def scaled_clock(times: VideoTimes, frame_rate: float | None) -> VideoClock:

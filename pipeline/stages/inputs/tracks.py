@@ -47,8 +47,9 @@ def track_camera(
     assert camera.video is not None
     settings = TrackingSettings(tracker=camera.tracker)
     found = track_video(
-        camera.video, camera=camera.name, boxes=boxes_of(flight, camera), settings=settings, progress=progress
-    )
+        camera.video, camera=camera.name, boxes=boxes_of(flight, camera), settings=settings, progress=progress,
+        stream=camera.video_stream,
+    )  # fmt: skip
     scale = found.frame_rate / (camera.frame_rate or found.frame_rate)
     every = np.concatenate([track.sigma_px[track.seen & ~track.by_box] for track in found.tracks])
     given = camera.sigma.get("pixel_px")
@@ -69,7 +70,10 @@ def draw_overlay(flight: Flight, name: str, found: VideoTracks, out: Path, progr
     assert camera.video is not None
     plain = re.fullmatch(r"[A-Za-z0-9_-]+", name)
     file = f"overlay-{name if plain else [c.name for c in flight.cameras].index(name)}.mp4"
-    write_overlay(camera.video, found, out / file, lambda done, total: progress(f"overlay {name}", done, total))
+    write_overlay(
+        camera.video, found, out / file, lambda done, total: progress(f"overlay {name}", done, total),
+        camera.video_stream,
+    )  # fmt: skip
     return file
 
 

@@ -30,6 +30,7 @@ from pipeline.telemetry import (
     log_seconds,
     log_sigma,
     log_span,
+    position_worth,
     resolve_start,
     table_poses,
     utc_at,
@@ -101,6 +102,9 @@ def _from_log(
     if camera.start == AUTO:
         found = auto_start(flight, camera, log, clock=clock, mount=mount, origin=origin, progress=progress)
         notes = (*notes, *found.notes)
+    if camera.start is None and camera.telemetry == camera.video and np.isfinite(log.video_start_s):
+        found = _video_start(log)
+        notes = (*notes, *found.notes)
     if camera.tracks is None and camera.video is None:
         start, frame, left_out = _whole_log(flight, camera, log, rate)
         time = frame / rate
@@ -123,9 +127,14 @@ def _from_log(
         )
 
     utc = utc_at(log, start)
-    sigma = sigma_in_force(camera, log_sigma(log), knows_utc=utc is not None)
+    span = (float(log_time_s.min()), float(log_time_s.max())) if len(log_time_s) else None
+    sigma = sigma_in_force(camera, log_sigma(log, span), knows_utc=utc is not None)
+    if not {"position_bias_m", "position_m"} <= set(camera.sigma):
+        notes = (*notes, *position_worth(log, span).notes)
     if found is not None and found.sigma_s is not None and "start_s" not in camera.sigma:
         sigma = replace(sigma, start_s=found.sigma_s)
+    elif camera.start == CAMERA_EVENT and "start_s" not in camera.sigma:
+        sigma = replace(sigma, start_s=log.camera_event_sigma_s)
     return MeasuredPoses(
         camera=camera.name,
         poses=at(frame, log_time_s),
@@ -165,6 +174,13 @@ def _whole_log(
         (f"{missing} of {len(frame)} moments left out, where the log has a gap",) if missing and inside.any() else ()
     )
     return start, frame[inside] if inside.any() else frame, notes
+
+
+def _video_start(log: FlightLog) -> FoundStart:
+    """Log time of frame 0 of the video that the log lies in."""
+    start, sigma = log.video_start_s, log.video_start_sigma_s
+    told = f"start by the time stamps beside the video in {log.path.name}: log time {start:.3f} s, sigma {sigma:.3f} s"
+    return FoundStart(start_s=start, sigma_s=sigma, notes=(told,))
 
 
 def _start(flight: Flight, camera: CameraSettings, log: FlightLog) -> float:

@@ -55,6 +55,7 @@ def auto_start(
         )
     seen = _turning(
         camera.video,
+        camera.video_stream,
         camera.calibration,
         camera.video_area,
         flight.key(camera.name, "calibration"),
@@ -91,10 +92,10 @@ class _Tell:
 
 @lru_cache(maxsize=16)
 def _turning(
-    video: Path, calibration: Path, area: VideoArea | None, where: str, changed_ns: int, tell: _Tell
+    video: Path, stream: int | None, calibration: Path, area: VideoArea | None, where: str, changed_ns: int, tell: _Tell
 ) -> ImageTurning:
     """The turning of a video, measured once in a run."""
-    return image_turning(video, fitting_model(calibration, video, area, where), tell)
+    return image_turning(video, fitting_model(calibration, video, area, where, stream), tell, stream)
 
 
 def log_turning(log: FlightLog, mount: Mount, lever_arm_m: Floats, origin: Geodetic, where: str) -> LogTurning:

@@ -28,7 +28,7 @@ def run_track(
 ) -> RunSummary:
     """Tracks every video, with `resume` only what is not finished, then writes `tracks.csv`; draws with `overlay`."""
     check_inputs(flight, out, cameras_later=True)
-    videos = {c.name: video_times(c.video) for c in flight.cameras if c.video is not None}
+    videos = {c.name: video_times(c.video, c.video_stream) for c in flight.cameras if c.video is not None}
     refuse(Outlook(doubts=tuple(video_doubts(flight, videos))))
     with writing(out) as ledger:
         return track_into(ledger, flight, resume=resume, overlay=overlay, progress=progress)
@@ -106,7 +106,8 @@ def _keys(flight: Flight) -> dict[str, str]:
         boxes = {target: asdict(box) for target, box in boxes_of(flight, camera).items()}
         keys[name] = key_of({
             "camera": name, "video": file_hash(camera.video) if camera.video.exists() else None, "boxes": boxes,
-            "tracker": camera.tracker, "frame_rate": camera.frame_rate, "pixel": camera.sigma.get("pixel_px"),
+            "tracker": camera.tracker, "stream": camera.video_stream, "frame_rate": camera.frame_rate,
+            "pixel": camera.sigma.get("pixel_px"),
             "made with": decisive(),
         })  # fmt: skip
     return keys

@@ -19,6 +19,7 @@ from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S, spans
+from pipeline.telemetry.flight_records.flight import is_flight_record
 
 if TYPE_CHECKING:  # slow to import, and flight logs need no tables
     import pandas as pd
@@ -94,8 +95,8 @@ def is_parquet(path: Path) -> bool:
 
 
 def is_pose_table(path: Path) -> bool:
-    """Whether a file is named as a table, not as a flight log."""
-    return is_parquet(path) or path.suffix.lower() == ".csv"
+    """Whether a file is named as a table, and is no flight log by its header."""
+    return is_parquet(path) or (path.suffix.lower() == ".csv" and not is_flight_record(path))
 
 
 def _csv(path: Path, raw: bytes) -> pd.DataFrame:

@@ -21,7 +21,7 @@ ROWS, COLUMNS, PER_DEGREE = 721, 1440, 4
 
 @cache
 def _grid_m() -> Floats:
-    raw = lzma.decompress(resources.files("pipeline.telemetry.heights").joinpath("egm96_15min.xz").read_bytes())
+    raw = lzma.decompress(resources.files(__package__).joinpath("egm96_15min.xz").read_bytes())
     planes = np.frombuffer(raw, np.uint8).reshape(2, -1)
     second = np.ascontiguousarray(planes.T).view("<i2").reshape(ROWS, COLUMNS).astype(np.int64)
     grid = np.asarray(np.cumsum(np.cumsum(second, axis=0), axis=1) / 100.0)

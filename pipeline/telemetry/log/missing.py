@@ -10,18 +10,24 @@ POSITION_SOURCES: dict[LogFormat, str] = {
     "dataflash": "POS, or GPS with a 3D fix",
     "ulog": "vehicle_global_position, vehicle_gps_position, or vehicle_local_position with a global reference",
     "dji srt": "GPS or latitude and longitude in every subtitle",
+    "flight record": "latitude, longitude and a height in its columns",
+    "misb klv": "sensor latitude, longitude and a height (items 13, 14 and 15, 75 or 104)",
 }
 ATTITUDE_SOURCES: dict[LogFormat, str] = {
     "tlog": "ATTITUDE_QUATERNION or ATTITUDE",
     "dataflash": "ATT or XKQ",
     "ulog": "vehicle_attitude",
     "dji srt": "F.PRY (flight attitude) in every subtitle",
+    "flight record": "compass_heading, pitch, roll, or OSD.yaw, OSD.pitch, OSD.roll",
+    "misb klv": "platform heading, pitch and roll (items 5, 6 or 90, 7 or 91)",
 }
 GIMBAL_SOURCES: dict[LogFormat, str] = {
     "tlog": "GIMBAL_DEVICE_ATTITUDE_STATUS, MOUNT_ORIENTATION or MOUNT_STATUS",
     "dataflash": "MNT",
     "ulog": "gimbal_device_attitude_status or mount_orientation",
     "dji srt": "gb_yaw, gb_pitch, gb_roll or G.PRY in every subtitle",
+    "flight record": "gimbal_heading and gimbal_pitch, or GIMBAL.yaw and GIMBAL.pitch",
+    "misb klv": "sensor relative azimuth and elevation (items 18, 19)",
 }
 LIKE: dict[LogFormat, LogFormat] = {"mavlink": "tlog", "dataflash text": "dataflash"}
 

@@ -24,13 +24,11 @@ from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
-from pipeline.telemetry.heights.egm96 import geoid_height_m
-from pipeline.telemetry.heights.takeoff import HOME_NOTE
+from pipeline.telemetry.heights.dji import RECEIVER_SIGMA_M, dji_heights
 from pipeline.telemetry.log.flight_log import (
     EARTH,
     Accuracy,
     AttitudeSeries,
-    Datum,
     FlightLog,
     GimbalSeries,
     PositionSeries,
@@ -53,15 +51,6 @@ BRACKETS = {
 }  # fmt: skip
 TIME_NOTE = "log time is the video's own; dates in the subtitles are of an unknown time zone"
 NOTHING = float("nan")
-RECEIVER_SIGMA_M = 3.0
-"""A receiver of one frequency, of which the subtitles state nothing."""
-ABSOLUTE_SIGMA_M = 50.0
-"""DJI's abs_alt is the pressure's height in the standard atmosphere, near sea level 8 m a hectopascal: weather is 50 m,
-and public samples are off by as much."""
-BAROMETER_SIGMA_M = 3.0
-"""Above home: what pressure drifts during a flight, and what a take-off height from a map is worth."""
-LOWEST_LAND_M = -30.0
-"""A take-off place below this is a wrong pressure: only a few basins are lower."""
 
 
 def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
@@ -165,37 +154,21 @@ def _position(blocks: list[str], time_s: Floats) -> tuple[PositionSeries | None,
     lat, lon = (np.where((lat == 0) & (lon == 0), np.nan, angle) for angle in (lat, lon))
     if not np.isfinite(lat).any():
         return None, Accuracy(), ()
-    datum, words, height, up_sigma_m, notes = _heights(blocks, lat, lon)
+    above_home = _numbers(RELATIVE, blocks)[:, 0]
+    heights = dji_heights(_numbers(ABSOLUTE, blocks)[:, 0], above_home, lat, lon)
     series = position_series(
         source="subtitles",
-        datum=datum,
-        height_from=words,
+        datum=heights.datum,
+        height_from=heights.words,
         time_s=time_s,
         lat_deg=lat,
         lon_deg=lon,
-        height_m=height,
+        height_m=heights.height_m,
         velocity_ned_mps=np.full((len(blocks), 3), np.nan),
-        above_home_m=_numbers(RELATIVE, blocks)[:, 0],
+        above_home_m=above_home,
     )
-    return series, Accuracy(horizontal_m=RECEIVER_SIGMA_M, vertical_m=up_sigma_m, source=f"DJI's {words}"), notes
-
-
-def _heights(blocks: list[str], lat_deg: Floats, lon_deg: Floats) -> tuple[Datum, str, Floats, float, tuple[str, ...]]:
-    """Datum, how it came to it, heights (n,), what they are worth, and notes."""
-    absolute, relative = _numbers(ABSOLUTE, blocks)[:, 0], _numbers(RELATIVE, blocks)[:, 0]
-    notes: tuple[str, ...] = ()
-    if np.isfinite(absolute).any():
-        takeoff = absolute - relative
-        ground = float(np.nanmedian(takeoff)) if np.isfinite(takeoff).any() else float(np.nanmedian(absolute))
-        if ground > LOWEST_LAND_M:
-            above = geoid_height_m(np.radians(lat_deg), np.radians(lon_deg))
-            words = "altitude, taken as above mean sea level, + undulation by EGM96"
-            said = f"DJI's altitude is by its barometer: {ABSOLUTE_SIGMA_M:.0f} m, one sigma, as a whole"
-            return "ellipsoid", words, absolute + above, ABSOLUTE_SIGMA_M, (said,)
-        notes = (f"altitudes put the take-off place at {ground:.0f} m, where no land is: they are not used",)
-    words = "heights above the take-off place"
-    said = f"{HOME_NOTE}: the subtitles do not say how high that is; `takeoff` does"
-    return "home", words, relative, BAROMETER_SIGMA_M, (*notes, said)
+    stated = Accuracy(horizontal_m=RECEIVER_SIGMA_M, vertical_m=heights.sigma_m, source=f"DJI's {heights.words}")
+    return series, stated, heights.notes
 
 
 def _attitude(blocks: list[str], time_s: Floats) -> AttitudeSeries | None:

@@ -37,6 +37,7 @@ NEW_SCORE = 0.42
 # how far below the usual score other turns and places are tried; what one must gain, and may still lack
 IN_DOUBT, LEAST_GAIN, MOST_SHORT = 0.12, 0.08, 0.06
 OTHER_TURNS_RAD, BESIDE = (0.3, -0.3, 0.7, -0.7), 0.7  # and of its size
+NEAR_SIZES = 1.5  # own sizes from the prediction within which a target is found that is too slow to be told by its way
 MOST_PENDING = 15  # frames for which a find that never looks as usual is held back; then dropped after a long loss
 APART_EVERY = 3  # frames between comparisons of a target that is well known
 TURNS_RAD = (0.0, 0.35, 0.0, -0.35)  # tried in turn while a target is hidden
@@ -86,7 +87,11 @@ def follow(target: TrackState, scene: Scene, settings: TrackingSettings) -> tupl
     as_usual = max(f.score for f in pending) > target.usual[0] - IN_DOUBT / 2
     if len(pending) <= (doubt.frames if as_usual else MOST_PENDING):
         return changed(target, pending=pending, doubt=doubt), ()
-    if doubt.stands_still(found.warp.centre_px) or not (as_usual or doubt.otherwise.lost_s < EXPECTED_S):
+    long_lost = doubt.otherwise.lost_s >= EXPECTED_S
+    by_look_alone = long_lost and not doubt.told and not doubt.near
+    if by_look_alone and len(pending) <= MOST_PENDING:
+        return changed(target, pending=pending, doubt=doubt), ()
+    if by_look_alone or doubt.goes_otherwise(found.warp.centre_px) or (long_lost and not as_usual):
         return doubt.otherwise, ()
     return changed(target, pending=(), doubt=None), pending
 
@@ -115,10 +120,8 @@ def _lost(target: TrackState, scene: Scene) -> TrackState:
 
 def hide(target: TrackState, lost_s: float) -> TrackState:
     """The target as one that is not seen, for `lost_s` already."""
-    speed = float(np.hypot(*target.course.velocity))
     return changed(
-        target, hidden=True, coarse=None, lost_s=lost_s, scale_when_lost=target.scale, speed_when_lost=speed,
-        pending=(), doubt=None,
+        target, hidden=True, coarse=None, lost_s=lost_s, scale_when_lost=target.scale, pending=(), doubt=None,
     )  # fmt: skip
 
 
@@ -189,7 +192,14 @@ def _searched(
         return target, ()
     found = _put_right(target, found, scene)
     wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
-    doubt = Doubt(otherwise=target, frames=wait, anchor_px=found.warp.centre_px, speed=target.speed_when_lost)
+    off_px = math.dist(found.warp.centre_px, target.course.position_px)
+    doubt = Doubt(
+        otherwise=target,
+        frames=wait,
+        anchor_px=found.warp.centre_px,
+        velocity=target.course.velocity,
+        near=off_px < NEAR_SIZES * target.template.size * found.warp.scale,
+    )
     target = changed(target, hidden=False, coarse=None, doubt=doubt)
     target = _learned(target, image, found, scene, settings, not can_be_there(target, found), learn=False)
     return changed(target, pending=(fix_of(frame, found, target.sigma_px),)), ()

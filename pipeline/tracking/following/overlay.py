@@ -42,17 +42,18 @@ def overlay_frame(pixels: Image, tracks: VideoTracks, frame: int) -> Image:
     return drawn
 
 
-def overlay_frames(video: Path, tracks: VideoTracks) -> Iterator[Image]:
+def overlay_frames(video: Path, tracks: VideoTracks, stream: int | None = None) -> Iterator[Image]:
     """Every frame of the tracked video, drawn on."""
-    for frame in frames_of(video):
+    for frame in frames_of(video, also_damaged=True, stream=stream):
         if frame.index >= len(tracks.frame_time_s):
             return
         yield overlay_frame(frame.pixels, tracks, frame.index)
 
 
 def write_overlay(
-    video: Path, tracks: VideoTracks, to: Path, progress: Callable[[int, int], None] | None = None
-) -> Path:
+    video: Path, tracks: VideoTracks, to: Path, progress: Callable[[int, int], None] | None = None,
+    stream: int | None = None,
+) -> Path:  # fmt: skip
     """Writes the drawn-on video as MPEG-4 to `to` (.mp4), whole or not at all.
 
     Raises InputFileError where the video cannot be read, WriteError where `to` cannot be written.
@@ -64,7 +65,7 @@ def write_overlay(
     try:
         if not writer.isOpened():
             raise _unwritable(to, "the encoder cannot write there")
-        for done, image in enumerate(overlay_frames(video, tracks), start=1):
+        for done, image in enumerate(overlay_frames(video, tracks, stream), start=1):
             writer.write(image)
             if progress is not None:
                 progress(done, total)

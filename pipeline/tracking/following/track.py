@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice, repeat
@@ -15,19 +15,22 @@ import cv2
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints
-from calibration.foundation.errors import TrackingError, UsageError
+from calibration.foundation.capture import Capture, VideoHead
+from calibration.foundation.errors import RunningFixError, TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
 from pipeline.tracking.following.watch import Watched, begin_watch, watch
-from pipeline.tracking.records import VideoTimes, VideoTracks
+from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.scene.background import Scene, scenes
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.target.track_state import Fix, TrackState
 from pipeline.tracking.video.backwards import frames_back
-from pipeline.tracking.video.frames import Frame, VideoHead, frames_of, head_of, opened_to_the_end, video_times
+from pipeline.tracking.video.frames import frames_of, from_first, opened_to_the_end
 from pipeline.tracking.video.prefetch import prefetched
 
 LEAST_BOX_PX, LEAST_FIXES = 4.0, 3
 PART_FRAMES = 4  # handed to the targets' threads at a time
+NAMED_RANGES = 5  # of frame numbers in a note
+CUT_SHARE, CUT_S = 0.02, 0.5  # of a container's claimed end that its last frame may lack
 Counter = Callable[[int, int], None]
 Progress = Callable[[int, int], None]
 
@@ -39,6 +42,7 @@ def track_video(
     boxes: Mapping[str, Box],
     settings: TrackingSettings | None = None,
     progress: Progress | None = None,
+    stream: int | None = None,
 ) -> VideoTracks:
     """Follows every target of `boxes` through one video, from its box to the video's end and back to its beginning.
 
@@ -50,23 +54,27 @@ def track_video(
 
     camera    its name, for the tracks and for messages
     progress  called with (frames done, frames the container claims)
+    stream    the number of the video stream; else the one that moves
     Raises InputFileError (no video, nothing decodes), UsageError (a box that cannot be), TrackingError (a target with
     practically no fix).
     """
     settings = settings or TrackingSettings()
-    capture = opened_to_the_end(path)
-    head = head_of(capture, path)
-    for name, box in boxes.items():
-        _check_box(box, f"targets.{name}.boxes.{camera}", head.image_size)
+    capture = opened_to_the_end(path, stream)
+    try:
+        head = capture.head()
+        for name, box in boxes.items():
+            _check_box(box, f"targets.{name}.boxes.{camera}", head.image_size)
+    except RunningFixError:
+        capture.close()
+        raise
     back = max((box.frame for box in boxes.values()), default=0)
     tell = None if progress is None else _counted(progress, back)
     with _one_thread(), ThreadPoolExecutor(max(1, min(len(boxes), os.cpu_count() or 1))) as pool:
         follower = _Follower(boxes=boxes, settings=settings, pool=pool)
-        frames = frames_of(path, times := pool.submit(video_times, path, head), capture)
-        video = _forwards(frames, times, follower, tell, head)
+        video = _forwards(path, capture, follower, tell, head)
         for name, box in boxes.items():
             _check_frame(box, f"targets.{name}.boxes.{camera}", len(video.time_s), path)
-        _backwards(path, follower, video, back, tell, head)
+        _backwards(path, stream, follower, video, back, tell)
     fixes = {name: follower.fixes(name) for name in boxes}
     tracks = tuple(_track(camera, name, fixes[name], video.time_s) for name in boxes)
     for track, box in zip(tracks, boxes.values(), strict=True):
@@ -78,17 +86,18 @@ def track_video(
         image_size=video.size,
         outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
         predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
-        notes=(*video.notes, *_losses(tracks), *_by_box(tracks), *_gaps(video.time_s, head.frame_rate, head.frames)),
+        notes=(*video.notes, *_losses(tracks), *_by_box(tracks), *_gaps(video.time_s, video.claim, head)),
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Video:
-    """What the whole video turned out to be."""
+    """What the whole video turned out to be; `claim` is how many frames its container says it has, 0 if it does not."""
 
     time_s: Floats
     size: tuple[int, int]
     notes: tuple[str, ...]
+    claim: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,52 +179,74 @@ class _Follower:
         return target, fixes
 
 
-def _forwards(
-    frames: Iterator[Frame], known: Future[VideoTimes], follower: _Follower, tell: Counter | None, head: VideoHead
-) -> _Video:
+def _forwards(path: Path, capture: Capture, follower: _Follower, tell: Counter | None, head: VideoHead) -> _Video:
     """The whole video once, to its end or to where the frames change their size."""
-    times, missing, woven = array("d"), 0, False
+    seen, damaged, woven = array("q"), array("q"), False
     notes: list[str] = []
-    size = (0, 0)
+    size, end = (0, 0), None
     part: list[Scene] = []
-    found = prefetched(scenes(frames), PART_FRAMES)
+    found = prefetched(scenes(frames_of(path, also_damaged=True, capture=capture)), PART_FRAMES)
     for scene in found:
         now = scene.pixels.shape[1], scene.pixels.shape[0]
-        size = size if times else now
+        size = size if seen else now
         if now != size:
             notes.append(_size_note(scene.frame, now, size))
+            end = scene.frame
             break
         part.append(scene)
         woven = scene.woven
-        missing += scene.frame - len(times)
-        times.extend(known.result().frame_time_s[len(times) : scene.frame])
-        times.append(scene.time_s)
+        seen.append(scene.frame)
+        if scene.damaged:
+            damaged.append(scene.frame)
         if len(part) == PART_FRAMES:
             follower.go_on(part)
             part = []
         if tell is not None:
-            tell(len(times), max(head.frames, len(times)))
+            tell(scene.frame + 1, max(head.frames, scene.frame + 1))
     found.close()
     follower.go_on(part)
-    if missing:
-        notes.append(f"{missing} of {len(times)} frames could not be decoded; they are rows without a fix")
+    time_s = from_first(capture.stamps_s()[:end])
+    if len(seen) < len(time_s):
+        missing = np.setdiff1d(np.arange(len(time_s)), seen)
+        notes.append(f"{_frames(missing, len(time_s))} could not be decoded; they are rows without a fix")
+    if damaged:
+        notes.append(
+            f"{_frames(np.array(damaged), len(time_s))} are damaged, or were predicted from what is: the decoder made "
+            "up what it could not read; they are rows without a fix"
+        )
     if tell is not None:
-        tell(len(times), len(times))
+        tell(len(time_s), len(time_s))
     if woven:
         notes.append(
             "the video is interlaced: the upper field of each frame is used, the lines between are interpolated"
         )
-    return _Video(time_s=np.array(times), size=size, notes=tuple(notes))
+    if head.moving > 1:
+        notes.append(
+            f"the file holds {head.moving} moving pictures; stream {capture.stream} ({size[0]} x {size[1]}) is used, "
+            "video_stream = ... asks for another"
+        )
+    claim = 0 if end is not None or not head.frames else head.frames - capture.hidden
+    return _Video(time_s=time_s, size=size, notes=tuple(notes), claim=claim)
+
+
+def _frames(numbers: Ints, total: int) -> str:
+    """Frame numbers as ranges, the first few of them."""
+    starts = np.flatnonzero(np.diff(numbers, prepend=-2) > 1)
+    ends = np.append(starts[1:], len(numbers)) - 1
+    pairs = list(zip(numbers[starts].tolist(), numbers[ends].tolist(), strict=True))
+    ranges = [f"{a}" if a == b else f"{a} to {b}" for a, b in pairs[:NAMED_RANGES]]
+    more = f" and {len(pairs) - NAMED_RANGES} more stretches" if len(pairs) > NAMED_RANGES else ""
+    return f"{len(numbers)} of {total} frames ({', '.join(ranges)}{more})"
 
 
 def _backwards(
-    path: Path, follower: _Follower, video: _Video, back: int, tell: Counter | None, head: VideoHead
+    path: Path, stream: int | None, follower: _Follower, video: _Video, back: int, tell: Counter | None
 ) -> None:
     """From the last of the boxes to the beginning of the video."""
     if back == 0:
         return
     follower.turn_round()
-    found = prefetched(scenes(frames_back(path, back, video.time_s)), PART_FRAMES)
+    found = prefetched(scenes(frames_back(path, back, stream)), PART_FRAMES)
     while part := list(islice(found, PART_FRAMES)):
         follower.go_on(part)
         if tell is not None:
@@ -328,8 +359,8 @@ def _by_box(tracks: tuple[ImageTrack, ...]) -> Iterator[str]:
             )
 
 
-def _gaps(times: Floats, rate: float, claimed: int) -> Iterator[str]:
-    """Broken or missing frames, as far as times and the container's claim betray them."""
+def _gaps(times: Floats, claimed: int, head: VideoHead) -> Iterator[str]:
+    """Missing frames, as far as times and the container's claims betray them."""
     steps = np.diff(times)
     if len(steps) and steps.max() > 1.5 * np.median(steps):
         wide = np.flatnonzero(steps > 1.5 * np.median(steps))
@@ -337,7 +368,12 @@ def _gaps(times: Floats, rate: float, claimed: int) -> Iterator[str]:
             where = ", ".join(str(int(i) + 1) for i in wide[:5])
             yield f"gaps in the video's times before frames {where}{' ...' if len(wide) > 5 else ''}"
     if len(times) < claimed - max(2, claimed // 50):
-        yield f"the container claims {claimed} frames; {len(times)} could be decoded: the video is cut off or broken"
+        yield f"the container claims {claimed} frames and holds {len(times)}: the video is cut off or broken"
+    elif not claimed and times[-1] + head.begin_s < head.end_s * (1 - CUT_SHARE) - CUT_S:
+        yield (
+            f"the container claims to end at {head.end_s:.1f} s, its last frame is at "
+            f"{times[-1] + head.begin_s:.1f} s: the video is cut off or broken"
+        )
 
 
 def _size_note(frame: int, now: tuple[int, int], size: tuple[int, int]) -> str:

@@ -42,6 +42,7 @@ class Watched:
     lost            whether neither spoke on the last frame
     returned        frame number at which it was found after that, as long as nothing has proved that it was
     doubted         frame number at which the surface point's look was last doubtful
+    blind_s         for how long nothing could be measured: the frames were damaged
     """
 
     surface: TrackState
@@ -57,6 +58,7 @@ class Watched:
     together: bool = True
     lost: bool = False
     returned: int | None = None
+    blind_s: float = 0.0
 
     @property
     def size_px(self) -> Floats:
@@ -97,6 +99,9 @@ def watch(watched: Watched, scene: Scene, settings: TrackingSettings) -> tuple[W
     if watched.surface.gone and watched.box is None:
         return watched, Seen()
     watched = _carried(watched, scene)
+    if scene.damaged:
+        return _passed(watched, scene), Seen()
+    watched = watched if watched.blind_s == 0.0 else changed(watched, blind_s=0.0)
     watched, fixes = _surface(watched, scene, settings)
     here = fixes[-1] if fixes and fixes[-1].frame == scene.frame else None
     held = watched.box is not None and not watched.together
@@ -112,6 +117,16 @@ def watch(watched: Watched, scene: Scene, settings: TrackingSettings) -> tuple[W
         if held:
             return _let_go(watched, seen, scene)
     return _slid(watched, seen, scene)
+
+
+def _passed(watched: Watched, scene: Scene) -> Watched:
+    """Over a damaged frame, in which nothing is a measurement; what lasts longer hides the target."""
+    blind_s = watched.blind_s + scene.dt_s
+    surface = carry(watched.surface, scene)
+    if blind_s > WATCH.blind_s and not surface.hidden:
+        surface = hide(surface, blind_s)
+    box = None if blind_s > WATCH.blind_s else watched.box
+    return changed(watched, surface=surface, box=box, lost=watched.lost or box is None, blind_s=blind_s)
 
 
 def _let_go(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:

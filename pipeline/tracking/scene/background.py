@@ -43,7 +43,8 @@ class Keyframe:
 class Scene:
     """A frame and what it is to every target: number, time, pixels, motion of the background, earlier frames.
 
-    woven  whether the frame was woven of two fields
+    woven    whether the frame was woven of two fields
+    damaged  whether its pixels are made up in part: nothing in it is a measurement
     """
 
     frame: int
@@ -53,6 +54,7 @@ class Scene:
     cur_from_prev: Floats
     keys: tuple[Keyframe, ...]
     woven: bool = False
+    damaged: bool = False
 
 
 def scenes(frames: Iterator[Frame]) -> Iterator[Scene]:
@@ -62,7 +64,7 @@ def scenes(frames: Iterator[Frame]) -> Iterator[Scene]:
         if background is None or background.size != frame.pixels.shape[1::-1]:
             background, motion, last_s = first_background(frame.pixels), np.eye(3), frame.time_s
         else:
-            background, motion = advance(background, frame.pixels)
+            background, motion = advance(background, frame.pixels, kept=not frame.damaged)
         yield Scene(
             frame=frame.index,
             time_s=frame.time_s,
@@ -71,6 +73,7 @@ def scenes(frames: Iterator[Frame]) -> Iterator[Scene]:
             cur_from_prev=motion,
             keys=background.keys,
             woven=frame.woven,
+            damaged=frame.damaged,
         )
         last_s = frame.time_s
 
@@ -101,8 +104,11 @@ def first_background(pixels: Image) -> Background:
     return Background(grey=grey, corners=_corners(grey), age=0, factor=factor, keys=(_key(pixels),))
 
 
-def advance(before: Background, pixels: Image) -> tuple[Background, Floats]:
-    """The background one frame later, and cur_from_prev (3, 3) in full-resolution pixels; identity where unknown."""
+def advance(before: Background, pixels: Image, kept: bool = True) -> tuple[Background, Floats]:
+    """The background one frame later, and cur_from_prev (3, 3) in full-resolution pixels; identity where unknown.
+
+    kept  whether the frame may become one of the earlier frames that tell what the scene looks like
+    """
     grey = _reduced(pixels, before.factor)
     prev, cur = _flow(before, grey)
     motion = _fit(prev, cur)
@@ -116,7 +122,7 @@ def advance(before: Background, pixels: Image) -> tuple[Background, Floats]:
         corners=cur[:, None] if keep else _corners(grey),
         age=before.age + 1 if keep else 0,
         factor=before.factor,
-        keys=(_key(pixels), *keys) if keys[0].age >= KEY_EVERY else keys,
+        keys=(_key(pixels), *keys) if kept and keys[0].age >= KEY_EVERY else keys,
     )
     return after, full
 

@@ -54,17 +54,19 @@ class ImageTurning:
         )
 
 
-def image_turning(video: Path, camera: CameraModel, progress: Callable[[int, int], None] | None = None) -> ImageTurning:
+def image_turning(
+    video: Path, camera: CameraModel, progress: Callable[[int, int], None] | None = None, stream: int | None = None
+) -> ImageTurning:
     """The turns of the whole video; memory is constant.
 
     Raises InputFileError where there is no video.
     """
-    total = video_head(video).frames
+    total = video_head(video, stream).frames
     time_s: list[float] = []
     turns: list[Floats] = []
     before: Image | None = None
     corners, age = np.zeros((0, 2), np.float32), 0
-    for frame in frames_of(video):
+    for frame in frames_of(video, stream=stream):
         grey = _reduced(frame.pixels)
         if before is not None:
             if age >= REFRESH or len(corners) < CORNERS // 2:

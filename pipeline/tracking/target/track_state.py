@@ -15,8 +15,8 @@ from pipeline.tracking.target.template import Template, scale_of
 
 FixKind = Literal["surface", "box"]
 WARM_FIXES, WARM_SIZES = 15, 1.5  # a target is new until it has this many fixes and has moved this many own sizes
-# a find moves over the ground at this share of the speed it had, where that can be told
-SLOWER, LEAST_TOLD_PX = 0.3, 3.0
+# a find moves over the ground at this share of the velocity it had, at least and at most, where that can be told
+SLOWER, FASTER, LEAST_TOLD_PX = 0.3, 2.5, 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,25 +41,36 @@ class Doubt:
     otherwise    the target as it is if the find is a mistake: still hidden, its course as it was, carried along
     frames       that must agree with it
     anchor_px    the ground where it was found, as the background carried it since
-    expected_px  how far the target would have gone over the ground since, at the speed it had
-    speed        that speed, px/s
+    velocity     (2,) that the target had over the ground when it was lost, px/s as seen now
+    near         whether it was found about where it was expected
+    expected_px  (2,) how far it would have gone over the ground since
     """
 
     otherwise: TrackState
     frames: int
     anchor_px: Floats
-    speed: float
-    expected_px: float = 0.0
+    velocity: Floats
+    near: bool = True
+    expected_px: Floats = field(default_factory=lambda: np.zeros(2))
 
     def later(self, scene: Scene) -> Doubt:
         """The same one frame later."""
-        anchor, _ = moved(scene.cur_from_prev, self.anchor_px)
-        return replace(self, anchor_px=anchor, expected_px=self.expected_px + self.speed * scene.dt_s)
+        anchor, jacobian = moved(scene.cur_from_prev, self.anchor_px)
+        velocity = jacobian @ self.velocity
+        expected = jacobian @ self.expected_px + velocity * scene.dt_s
+        return replace(self, anchor_px=anchor, velocity=velocity, expected_px=expected)
 
-    def stands_still(self, now_px: Floats) -> bool:
-        """Whether what was found belongs to the ground, as far as that can be told."""
-        way = float(np.hypot(*(now_px - self.anchor_px)))
-        return self.expected_px > LEAST_TOLD_PX and way < SLOWER * self.expected_px
+    @property
+    def told(self) -> bool:
+        """Whether the target would have gone far enough for its motion to tell it from the ground."""
+        return float(np.hypot(*self.expected_px)) > LEAST_TOLD_PX
+
+    def goes_otherwise(self, now_px: Floats) -> bool:
+        """Whether what was found does not move as the target did, as far as that can be told: stands, flees, turned."""
+        if not self.told:
+            return False
+        along = float((now_px - self.anchor_px) @ self.expected_px) / float(self.expected_px @ self.expected_px)
+        return not SLOWER <= along <= FASTER
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,8 +81,7 @@ class TrackState:
     pending  fixes after a loss that wait for confirmation; None while not in doubt
     doubt    how much must agree before they count
     lost_s   how long it has been hidden
-    scale_when_lost, speed_when_lost  image pixels for one of the first box's frame, and over the ground per second,
-             when it was last seen
+    scale_when_lost  image pixels for one of the first box's frame, when it was last seen
     hidden, gone  not seen now; not looked for any more
     spin     how fast it turns against the scene, rad/s
     fixes, travelled_px  so far; the way is over the ground
@@ -86,7 +96,6 @@ class TrackState:
     usual: Floats = field(default_factory=lambda: np.array([0.95, 0.9]))
     lost_s: float = 0.0
     scale_when_lost: float = 1.0
-    speed_when_lost: float = 0.0
     doubt: Doubt | None = None
     hidden: bool = False
     gone: bool = False

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
-from pipeline.tracking.video.backwards import go_to
-from pipeline.tracking.video.frames import Image, first_stamp_s, opened, video_times
+from calibration.foundation.capture import Capture, Shot
+from pipeline.tracking.records import VideoTimes
+from pipeline.tracking.video.frames import Image, from_first
 
 NEAR_FRAMES = 30  # that are rather decoded through than sought
 
@@ -16,26 +16,32 @@ NEAR_FRAMES = 30  # that are rather decoded through than sought
 class FrameReader:
     """One video held open; `times` are those of its frames. Safe to use from several threads."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, stream: int | None = None) -> None:
         """Raises InputFileError where there is no video."""
-        self.path, self.times = path, video_times(path)
-        self._stamp_s = self.times.frame_time_s + first_stamp_s(path)
-        self._capture, self._at = opened(path), -1
+        self.path, self._capture = path, Capture(path, stream=stream)
+        head, self._index = self._capture.head(), self._capture.index()
+        self.times = VideoTimes(
+            frame_time_s=from_first(self._index.stamp_s), frame_rate=head.frame_rate, image_size=head.image_size
+        )
+        self._shots: Iterator[Shot] = iter(())
+        self._at: Shot | None = None
         self._lock = threading.Lock()
 
     def read(self, index: int) -> Image | None:
-        """The pixels (h, w, 3) of a frame; None where the video has no such frame."""
+        """The pixels (h, w, 3) of a frame; None where the video has no such frame, or it does not decode."""
         if not 0 <= index < self.times.frames:
             return None
         with self._lock:
-            if not self._at < index <= self._at + NEAR_FRAMES:
-                self._capture, self._at = go_to(self._capture, self.path, index, self._stamp_s)
-            while self._at < index and self._capture.grab():
-                self._at += 1
-            good, pixels = self._capture.retrieve()
-        return np.asarray(pixels, np.uint8) if good else None
+            if self._at is None or not self._at.number <= index <= self._at.number + NEAR_FRAMES:
+                self._shots = self._capture.shots_from(index, self._index)
+                self._at = next(self._shots, None)
+            while self._at is not None and self._at.number < index:
+                self._at = next(self._shots, None)
+            if self._at is None or self._at.number != index:
+                return None
+            return self._capture.pixels(self._at)
 
     def close(self) -> None:
         """Lets go of the file."""
         with self._lock:
-            self._capture.release()
+            self._capture.close()

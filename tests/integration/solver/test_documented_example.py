@@ -9,7 +9,7 @@ PAGE = Path(__file__).parents[3] / "docs/python.md"
 
 
 def test_the_documented_example_runs(capsys) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    *_, code = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     names: dict[str, object] = {}
     exec(compile(code, "python.md", "exec"), names)
     said = capsys.readouterr().out

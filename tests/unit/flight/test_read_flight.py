@@ -134,6 +134,20 @@ def test_a_mistake_names_its_place_and_its_remedy(tmp_path, text, where, words):
     assert str(tmp_path / "flight.toml") in caught.value.where
 
 
+def test_the_log_may_be_in_the_video(tmp_path):
+    (tmp_path / "flight.toml").write_text(
+        '[cameras.a]\ncalibration = "a.json"\nvideo = "clip.ts"\ntelemetry = "video"\n'
+    )
+    camera = read_flight(tmp_path / "flight.toml").camera("a")
+    assert camera.telemetry == camera.video == tmp_path / "clip.ts"
+
+
+def test_the_log_cannot_be_in_no_video(tmp_path):
+    (tmp_path / "flight.toml").write_text('[cameras.a]\ncalibration = "a.json"\ntelemetry = "video"\n')
+    with pytest.raises(UsageError, match="a camera with a video"):
+        read_flight(tmp_path / "flight.toml")
+
+
 def test_pose_and_telemetry_together_are_refused(tmp_path):
     pose = "pose = { east_m = 1, north_m = 2, up_m = 3 }\n"
     with pytest.raises(UsageError, match="not both"):

@@ -114,7 +114,7 @@ def _scan(
 
     global _walked_bytes
     small = pieces == ((0, len(data)),) and _walked_bytes + len(data) <= SMALL_BYTES
-    if small and "pipeline.telemetry.mavlink.packets.scan" not in sys.modules:
+    if small and f"{__package__}.scan" not in sys.modules:
         _walked_bytes += len(data)
         keep(walk_packets(data[:], int(stamped), _extra(), listed, counts, known, state))
     for begin, stop in pieces:

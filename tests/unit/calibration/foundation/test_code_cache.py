@@ -89,3 +89,11 @@ def test_what_is_compiled_is_announced_and_what_is_loaded_is_not(tmp_path: Path)
     for wanted in (["outer", "inner"], []):
         found = subprocess.run([sys.executable, "-c", tell], env=given, capture_output=True, text=True, check=True)
         assert found.stdout.split() == wanted
+
+
+def test_where_compiling_is_switched_off_the_plain_function_runs(tmp_path: Path) -> None:
+    write(tmp_path)
+    code = "import made_outer; print(made_outer.outer(2))"
+    given = {**os.environ, "PYTHONPATH": f"{tmp_path}:{Path(__file__).parents[4]}", "NUMBA_DISABLE_JIT": "1"}
+    found = subprocess.run([sys.executable, "-c", code], env=given, capture_output=True, text=True, check=True)
+    assert found.stdout == "21\n"

@@ -34,9 +34,10 @@ def known_of(model):
     return KnownMotion(
         target=np.array([0] * 6 + [1] * 6 + [1] * 3), time_s=np.concatenate([time, time, time[:3]]),
         sigma_m=np.linspace(0.3, 0.8, 15), axis=np.array([-1] * 12 + [0, 1, 2]),
-        level_m=np.concatenate([np.full(12, 0.8), [3.0, -4.0, 5.0]]), worth=np.ones(15),
+        level_m=np.concatenate([np.full(12, 0.8), [3.0, -4.0, 5.0]]),
         around_m=np.tile([[[-2.0, 1.0], [0.0, 0.0], [3.0, 1.0]]], (15, 1, 1)), weight=np.array([0.25, 0.5, 0.25]),
-        shared=np.array([[0, 1]] * 6 + [[0, 2]] * 6 + [[-1, -1]] * 3), shared_sigma_m=np.array([1.0, 0.5, 0.7]),
+        shared=np.array([[0, 1]] * 6 + [[0, 2]] * 6 + [[-1, -1]] * 3), share=np.tile([1.0, 0.6], (15, 1)),
+        shared_sigma_m=np.array([1.0, 0.5, 0.7]),
         ground=hilly,
     )  # fmt: skip
 
@@ -106,8 +107,9 @@ def test_a_target_is_drawn_to_its_known_place():
     time = common_time_s(model.frames, model.drift, state.camera, state.deviation)[:1]
     known = KnownMotion(
         target=np.zeros(3, int), time_s=np.repeat(time, 3), sigma_m=np.full(3, 1e-6), axis=np.arange(3),
-        level_m=np.array([7.0, 8.0, 9.0]), worth=np.ones(3),
-        around_m=np.zeros((3, 1, 2)), weight=np.ones(1), shared=np.full((3, 2), -1), shared_sigma_m=np.zeros(0),
+        level_m=np.array([7.0, 8.0, 9.0]),
+        around_m=np.zeros((3, 1, 2)), weight=np.ones(1), shared=np.full((3, 2), -1),
+        share=np.zeros((3, 2)), shared_sigma_m=np.zeros(0),
     )  # fmt: skip
     start = intersect(model, state)
     fit = levenberg_marquardt(model.changed(known=known), start, Descent(max_iterations=30))

@@ -103,7 +103,7 @@ def test_truncated_video_gives_its_frames_and_a_note(tmp_path: Path) -> None:
     cut.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.5)])
     found = track_video(cut, camera="c", boxes={"t": BOX})
     assert 10 < len(found.frame_time_s) < 30
-    assert found.tracks[0].seen.all()
+    assert found.tracks[0].seen[:-1].all()  # the last is cut in two
     assert any("cut off" in note for note in found.notes)
 
 

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.foundation.errors import InputFileError
-from pipeline.tracking import FrameReader, track_video, video_times
+from pipeline.tracking import FrameReader, track_video
 from pipeline.tracking.video.backwards import frames_back
 from pipeline.tracking.video.frames import frames_of
 from pipeline.tracking.video.interlace import is_woven, upper_field
 from pipeline.tracking.video.prefetch import prefetched
+from tests.scenes.containers import muxed, numbered, overwritten
 from tests.scenes.video import BOX, SIZE, UNEVEN, encoded, panning, written
 
 
@@ -29,7 +29,7 @@ def video(request, tmp_path_factory) -> Path:
 @pytest.mark.parametrize("last", [109, 60, 0])
 def test_backwards_is_forwards_turned_round(video, last) -> None:
     forwards = list(frames_of(video))
-    back = list(frames_back(video, last, video_times(video).frame_time_s))
+    back = list(frames_back(video, last))
     assert [f.index for f in back] == list(range(last, -1, -1))
     for frame in back:
         assert np.array_equal(frame.pixels, forwards[frame.index].pixels), frame.index
@@ -46,20 +46,17 @@ def test_any_frame_in_any_order(video) -> None:
 
 
 def test_broken_middle_is_stepped_over(tmp_path: Path) -> None:
-    whole = encoded(written(tmp_path / "a.avi", panning(60)), tmp_path / "a.mp4", "-g", "15", "-bf", "2")
-    raw = bytearray(whole.read_bytes())
-    for at in np.random.default_rng(1).integers(int(len(raw) * 0.4), int(len(raw) * 0.5), 60):
-        raw[at] ^= 0xFF
-    broken = tmp_path / "broken.mp4"
-    broken.write_bytes(bytes(raw))
+    whole = muxed(tmp_path / "a.mp4", numbered(60), gop=15, options={"bf": "0", "x264-params": "scenecut=0"})
+    broken = overwritten(whole, tmp_path / "broken.mp4", 24)
     found = track_video(broken, camera="c", boxes={"t": BOX})
-    assert any("could not be decoded" in note for note in found.notes)
     track = found.tracks[0]
-    assert track.time_s[-1] == pytest.approx(59 / 25, abs=1e-3)
-    late = track.seen & (track.time_s > 45 / 25)
-    assert late.sum() > 10
-    true_x = BOX.centre_px[0] + np.rint(1.5 * track.time_s * 25)
-    assert np.abs(track.xy_px[late, 0] - true_x[late]).max() < 1.0
+    assert any("frames (24 to 29) are damaged" in note or "could not be decoded" in note for note in found.notes)
+    assert len(track.frame) == 60
+    assert not track.seen[24:30].any()  # the next key frame is 30
+    late = track.seen & (track.frame > 34)
+    assert late.sum() > 20
+    true_x = BOX.centre_px[0] + np.rint(1.5 * track.frame)
+    assert np.abs(track.xy_px[track.seen, 0] - true_x[track.seen]).max() < 1.0
 
 
 def test_woven_video_is_seen_by_its_upper_field(tmp_path: Path) -> None:
@@ -81,12 +78,17 @@ def test_woven_video_is_seen_by_its_upper_field(tmp_path: Path) -> None:
     assert np.abs(track.xy_px[:, 0] - true_x).max() < 0.5
 
 
-def test_what_opencv_leaves_unconverted_is_refused(tmp_path: Path) -> None:
-    source = written(tmp_path / "a.avi", panning(40))
-    flagged = ("-vf", "tinterlace=interleave_top", "-flags", "+ilme+ildct", "-x264opts", "tff=1")
-    path = encoded(source, tmp_path / "a.mp4", *flagged)
-    with pytest.raises(InputFileError, match="bwdif"):
-        track_video(path, camera="c", boxes={"t": BOX})
+def test_interlaced_h264_is_seen_by_its_upper_field(tmp_path: Path) -> None:
+    moments = panning(40)
+    woven = [upper.copy() for upper in moments[::2]]
+    for frame, lower in zip(woven, moments[1::2], strict=True):
+        frame[1::2] = lower[1::2]
+    path = muxed(tmp_path / "a.mp4", woven, options={"flags": "+ilme+ildct", "x264-params": "tff=1:crf=12"})
+    found = track_video(path, camera="c", boxes={"t": BOX})
+    assert any("interlaced" in note for note in found.notes)
+    true_x = BOX.centre_px[0] + np.array([round(1.5 * f) for f in range(0, 40, 2)])
+    assert found.tracks[0].seen.all()
+    assert np.abs(found.tracks[0].xy_px[:, 0] - true_x).max() < 0.7
 
 
 def test_a_still_beginning_is_no_fault(tmp_path: Path) -> None:
