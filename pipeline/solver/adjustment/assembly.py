@@ -237,11 +237,11 @@ def _add_jerk(model: Model, state: State, t: int, band: Floats, gradient: Floats
         return 0.0
     first, rows, _ = jerk_penalty(model, t)
     acting = first[:, None] + np.arange(target.degree + 1)
-    value = np.einsum("pa,pax->px", rows, state.coefficients[acting])
+    value = np.einsum("pax,pax->px", rows, state.coefficients[acting])
     place = model.order.coefficient[acting]
-    np.add.at(gradient, place, rows[:, :, None] * value[:, None, :])
+    np.add.at(gradient, place, rows * value[:, None, :])
     i, j = place[:, :, None, :], place[:, None, :, :]
-    i, j, product = np.broadcast_arrays(i, j, (rows[:, :, None] * rows[:, None, :])[..., None])
+    i, j, product = np.broadcast_arrays(i, j, rows[:, :, None] * rows[:, None])
     low = i >= j
     np.add.at(band, ((i - j)[low], j[low]), product[low])
     return 0.5 * float((value**2).sum())

@@ -17,6 +17,9 @@ from pipeline.solver.observation.residuals import linearise, place_shift
 
 CHUNK_FRAMES = 16384
 """Frames whose derivatives are held at once, where only the residuals are asked for."""
+UP_SHARE = 0.03
+"""Of the jerk prior's rows, up and down, for a target on the ground: it only has to bridge voids. Larger shares draw
+targets to where the ground is more even, and nearer to a single camera, where a way over hills costs less."""
 DRIFT_CENTRED_S = 1e-4
 """How exactly a deviation is held to have neither offset nor rate of its own: those are the affine clock's."""
 
@@ -175,9 +178,18 @@ def _band_width(basis: MotionBasis, coefficient: Ints, n_band: int) -> int:
 
 
 def jerk_penalty(model: Model, target: int) -> tuple[Ints, Floats, Ints]:
-    """A spline's prior: first acting coefficient (p,), rows (p, 4) whose squares sum to twice its cost, spans (p,)."""
+    """A spline's prior: first acting coefficient (p,), rows (p, 4, 3) by axis whose squares sum to twice its cost.
+
+    Up and down a target on the ground goes as the ground does.
+    """
     first, rows, span = jerk_rows(model.basis, model.basis.targets[target])
-    return first, rows / model.priors.jerk[target, span][:, None], span
+    axes = np.array([1.0, 1.0, UP_SHARE if is_on_ground(model, target) else 1.0])
+    return first, (rows / model.priors.jerk[target, span][:, None])[..., None] * axes, span
+
+
+def is_on_ground(model: Model, target: int) -> bool:
+    """Whether the ground holds a target."""
+    return model.known is not None and bool((model.known.axis[model.known.target == target] < 0).any())
 
 
 def drift_penalty(drift: Drift, camera: int, rate: float) -> Floats:

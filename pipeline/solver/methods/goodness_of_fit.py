@@ -33,7 +33,7 @@ def data_cost(fit: Fit) -> float:
     for n, t in enumerate(fit.model.basis.targets):
         if t.kind == "spline":
             first, rows, _ = jerk_penalty(fit.model, n)
-            value = np.einsum("pa,pax->px", rows, fit.state.coefficients[first[:, None] + np.arange(rows.shape[1])])
+            value = np.einsum("pax,pax->px", rows, fit.state.coefficients[first[:, None] + np.arange(rows.shape[1])])
             cost -= 0.5 * float((value**2).sum())
     return cost
 

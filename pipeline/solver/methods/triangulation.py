@@ -110,7 +110,7 @@ def _through(model: Model, n: int, time: Floats, points: Floats) -> tuple[Floats
     normal = design.T @ design
     if t.kind == "spline":
         first, rows, _ = jerk_penalty(model, n)
-        for begin, row in zip(first - t.first, rows, strict=True):
+        for begin, row in zip(first - t.first, rows[..., 0], strict=True):
             normal[begin : begin + len(row), begin : begin + len(row)] += np.outer(row, row)
     if np.linalg.matrix_rank(normal, hermitian=True) < t.count:
         raise GeometryError(

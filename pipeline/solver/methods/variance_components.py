@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.model import Model, State, jerk_penalty
+from pipeline.solver.adjustment.model import Model, State, is_on_ground, jerk_penalty
 from pipeline.solver.uncertainty.covariance import Covariance
 
 WIDEST_CHANGE = 10.0
@@ -52,9 +52,9 @@ def renewed_jerk(model: Model, state: State, covariance: Covariance, *, even: bo
         if t.kind != "spline":
             continue
         first, rows, span = jerk_penalty(model, n)
-        value = np.einsum("pa,pax->px", rows, state.coefficients[first[:, None] + np.arange(rows.shape[1])])
+        value = np.einsum("pax,pax->px", rows, state.coefficients[first[:, None] + np.arange(rows.shape[1])])
         now = out[n, span]
-        square = (value**2).sum(axis=1) * now**2
+        square = (value**2)[:, counted_axes(model, n)].sum(axis=1) * now**2
         decided = decided_rows(model, n, covariance)
         whole = square.sum() / max(float(decided.sum()), 1e-3)
         if even:
@@ -74,7 +74,13 @@ def decided_rows(model: Model, target: int, covariance: Covariance) -> Floats:
     first, rows, _ = jerk_penalty(model, target)
     place = model.order.coefficient[first[:, None] + np.arange(rows.shape[1])]
     spread = covariance.pairs(place[:, :, None, :], place[:, None, :, :])
-    return np.asarray(3 - np.einsum("pa,pabx,pb->p", rows, spread, rows))
+    axes = counted_axes(model, target)
+    return np.asarray(len(axes) - np.einsum("pax,pabx,pbx->px", rows, spread, rows)[:, axes].sum(axis=1))
+
+
+def counted_axes(model: Model, target: int) -> list[int]:
+    """The axes along which a spline's strength is estimated: not up, where the ground says how it goes."""
+    return [0, 1] if is_on_ground(model, target) else [0, 1, 2]
 
 
 def _around(value: Floats, reach: int) -> Floats:

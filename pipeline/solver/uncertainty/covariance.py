@@ -223,7 +223,7 @@ def _add_priors(model: Model, state: State, meat: _Meat) -> None:
             i, j = np.tril_indices(rows.shape[1])
             for axis in range(3):
                 place = acting[..., axis]
-                np.add.at(meat.band, (place[:, i] - place[:, j], place[:, j]), rows[:, i] * rows[:, j])
+                np.add.at(meat.band, (place[:, i] - place[:, j], place[:, j]), rows[:, i, axis] * rows[:, j, axis])
     add_known(model, state, meat.band, meat.border, meat.corner)
 
 

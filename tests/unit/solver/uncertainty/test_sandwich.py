@@ -48,7 +48,7 @@ def priors_of(model, size):
             for begin, row in zip(*jerk_penalty(model, n)[:2], strict=True):
                 for axis in range(3):
                     place = model.order.coefficient[begin : begin + len(row), axis]
-                    out[np.ix_(place, place)] += np.outer(row, row)
+                    out[np.ix_(place, place)] += np.outer(row[:, axis], row[:, axis])
     return out
 
 
