@@ -47,6 +47,24 @@ CHECKS = (
         says="84 rendered photo sets: errors of corners and focal length, error over sigma",
     ),
     Check(
+        name="mixed-cameras",
+        module="check_mixed_cameras",
+        minutes=8,
+        says="40 rendered pairs of like cameras in one folder, and 20 single cameras: refused or named where wrong",
+    ),
+    Check(
+        name="camera-mistakes",
+        module="check_camera_mistakes",
+        minutes=2,
+        says="camera files of data/flight that do not fit its video; copies of calibration photos",
+    ),
+    Check(
+        name="charuco",
+        module="check_charuco",
+        minutes=6,
+        says="ChArUco corners beside a checkerboard's and OpenCV's on the same 40 rendered photos",
+    ),
+    Check(
         name="tracking",
         module="check_tracking",
         minutes=6,
@@ -136,6 +154,26 @@ CHECKS = (
         module="check_ordinary_flights",
         minutes=40,
         says="ordinary flights with nothing but defaults: error over claim, and beside the true motion given",
+    ),
+    Check(
+        name="gnss-walk",
+        module="check_ordinary_flights",
+        arguments=("--walk", "gnss10", "--flights", "50", "--seed", "6000"),
+        minutes=40,
+        says="the same with positions that walk by 1 m in 10 s, claimed white",
+    ),
+    Check(
+        name="attitude-walk",
+        module="check_ordinary_flights",
+        arguments=("--walk", "attitude", "--flights", "50", "--seed", "7000"),
+        minutes=40,
+        says="the same with attitudes that walk by 0.3 degrees in 10 s, claimed white",
+    ),
+    Check(
+        name="depth-intervals",
+        module="check_depth_intervals",
+        minutes=10,
+        says="two cameras 15 m apart, 360 m away: how often the intervals of distances hold",
     ),
     Check(
         name="demo-order",
