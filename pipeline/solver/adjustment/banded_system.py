@@ -145,7 +145,7 @@ def band_of_inverse(lower: T) -> T:
     """`band_of_inverse_plain`, compiled where it can be and numbers are real."""
     if lower.dtype == complex or not _kernels.AVAILABLE:
         return band_of_inverse_plain(lower)
-    return np.asarray(np.ascontiguousarray(_band.inverse_band(np.ascontiguousarray(lower)).T))  # type: ignore[return-value]
+    return np.asarray(np.ascontiguousarray(_band.inverse_band(np.ascontiguousarray(lower)).T))
 
 
 def band_of_inverse_plain(lower: T) -> T:
