@@ -150,6 +150,12 @@ CHECKS = (
         says="100 random flights, clocks unknown by a minute",
     ),
     Check(
+        name="match",
+        module="check_match",
+        minutes=8,
+        says="100 drawn flights with strangers and unknown clocks: pairs found, wrong ones told",
+    ),
+    Check(
         name="ordinary-flights",
         module="check_ordinary_flights",
         minutes=40,
