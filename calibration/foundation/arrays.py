@@ -10,6 +10,14 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
+Floats1 = npt.NDArray[np.float64]
+"""The same, with the number of its axes said: compiled functions that Python calls say it of every array."""
+Floats2 = npt.NDArray[np.float64]
+Floats3 = npt.NDArray[np.float64]
+Floats4 = npt.NDArray[np.float64]
+Ints1 = npt.NDArray[np.int64]
+Ints2 = npt.NDArray[np.int64]
+Bools2 = npt.NDArray[np.bool_]
 
 
 def frozen(value: npt.ArrayLike, shape: tuple[int | None, ...], name: str, dtype: Any = np.float64) -> Any:

@@ -1,4 +1,5 @@
-"""What the compiled twins of plain loops are compiled with; without numba they are left as they are and not used.
+"""How the compiled twins of plain loops are compiled: ahead of time where the installation brings them (`prebuilt`),
+else by numba on their first call; without either they are left as they are and not used.
 
 numba is slow to import, so it is imported where the first loop is compiled, not with this module. Compiled code is kept
 on disk (`code_cache`).
@@ -8,11 +9,14 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import os
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
-AVAILABLE = importlib.util.find_spec("numba") is not None
-"""Whether loops are compiled; without the extra `fast` they are not."""
+from calibration.foundation.prebuilt import CHOICE, extension, prebuilt
+
+AVAILABLE = os.environ.get(CHOICE, "") != "none" and importlib.util.find_spec("numba") is not None
+"""Whether loops can be compiled as they are called; without the extra `fast` they cannot."""
 
 FAST: dict[str, Any] = {
     "fastmath": {"reassoc", "contract", "arcp", "nsz"}, "error_model": "numpy", "nogil": True
@@ -37,7 +41,22 @@ def loop(function: F) -> F:
     return _compiled(function, EXACT)
 
 
+def how_compiled(module: str) -> Literal["ahead", "when called", "no"]:
+    """How the loops of a module are compiled here."""
+    if extension(module.rpartition(".")[0]) is not None:
+        return "ahead"
+    return "when called" if AVAILABLE else "no"
+
+
+def is_compiled(module: str) -> bool:
+    """Whether the loops of a module are compiled: built ahead, or by numba."""
+    return how_compiled(module) != "no"
+
+
 def _compiled(function: F, options: dict[str, Any]) -> F:
+    built = prebuilt(function)
+    if built is not None:
+        return cast(F, built)
     if not AVAILABLE:  # pragma: no cover - the extra is installed where the tests run
         return function
     from numba import njit

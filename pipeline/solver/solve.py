@@ -22,10 +22,11 @@ import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.compiled import announced
+from calibration.foundation.compiled import how_compiled as how_module_compiled
 from calibration.foundation.errors import GeometryError
 from pipeline.records import Finding, OffsetCandidate, PoseTrack, Problem, Solution, SolverSettings
 from pipeline.records.problem import PoseAt
-from pipeline.solver.adjustment import compiled_descent
+from pipeline.solver.adjustment import _kernels, compiled_descent
 from pipeline.solver.adjustment.assembly import linear
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
@@ -188,13 +189,18 @@ def _low_weights(solution: Solution) -> tuple[Finding, ...]:
 
 
 COMPILED = 26
-"""About as many functions are compiled on the first solve of an installation."""
+"""About as many functions are compiled on the first solve of an installation that brings none."""
+
+
+def how_compiled() -> str:
+    """How the solver's loops are compiled: "ahead", "when called", or "no"."""
+    return how_module_compiled(_kernels.__name__)
 
 
 def make_ready(told: Callable[[int, int], None]) -> None:
     """Compiles what `solve` uses, or loads it from disk; `told` hears how many of how many functions have begun.
 
-    It is only told where there is something to compile.
+    It is only told where there is something to compile: not where the installation brings the loops compiled.
     """
     begun: list[str] = []
 

@@ -47,6 +47,24 @@ CHECKS = (
         says="84 rendered photo sets: errors of corners and focal length, error over sigma",
     ),
     Check(
+        name="mixed-cameras",
+        module="check_mixed_cameras",
+        minutes=8,
+        says="40 rendered pairs of like cameras in one folder, and 20 single cameras: refused or named where wrong",
+    ),
+    Check(
+        name="camera-mistakes",
+        module="check_camera_mistakes",
+        minutes=2,
+        says="camera files of data/flight that do not fit its video; copies of calibration photos",
+    ),
+    Check(
+        name="charuco",
+        module="check_charuco",
+        minutes=6,
+        says="ChArUco corners beside a checkerboard's and OpenCV's on the same 40 rendered photos",
+    ),
+    Check(
         name="tracking",
         module="check_tracking",
         minutes=6,

@@ -5,19 +5,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Floats2, Floats3, Floats4, Ints1, Ints2
 from calibration.foundation.compiled import compiled
 
 
 @compiled
 def assemble(
-    normal: Floats,
-    gradient: Floats,
-    transform: Floats,
-    degree: Ints,
-    span: Ints,
-    local_from_camera: Floats,
-    columns: Ints,
+    normal: Floats3,
+    gradient: Floats2,
+    transform: Floats4,
+    degree: Ints1,
+    span: Ints1,
+    local_from_camera: Floats3,
+    columns: Ints2,
     n_band: int,
     n_border: int,
     width: int,

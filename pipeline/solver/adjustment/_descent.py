@@ -14,7 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import (
+    Floats,
+    Floats1,
+    Floats2,
+    Floats3,
+    Floats4,
+    Ints,
+    Ints1,
+    Ints2,
+)  # fmt: skip
 from calibration.foundation.compiled import compiled
 from pipeline.solver.adjustment._kernels import Observed
 from pipeline.solver.adjustment._lanes import turn
@@ -33,33 +42,33 @@ class Course(NamedTuple):
     target, axis and power, as the local unknowns are
     """
 
-    video_s: Floats
-    frame_camera: Ints
-    begin: Ints
-    block_camera: Ints
-    share: Floats
-    share_per_s: Floats
-    place_gain: Floats
-    first: Ints
-    degree: Ints
+    video_s: Floats1
+    frame_camera: Ints1
+    begin: Ints1
+    block_camera: Ints1
+    share: Floats1
+    share_per_s: Floats1
+    place_gain: Floats2
+    first: Ints1
+    degree: Ints1
     mid_s: float
     half_s: float
-    coefficient: Ints
-    camera: Ints
-    motion: Ints
+    coefficient: Ints2
+    camera: Ints2
+    motion: Ints1
 
 
 class Local(NamedTuple):
     """A point as the blocks see it: u (F,), chain (B, 11 [+ 4 N], W), series (B, N, 3, K + 1), shift (F or 0, N, 2)."""
 
-    u: Floats
-    chain: Floats
-    series: Floats
-    shift: Floats
+    u: Floats1
+    chain: Floats3
+    series: Floats4
+    shift: Floats3
 
 
 @compiled
-def motion_columns(coefficient: Ints, first: Ints, degree: Ints, powers: int) -> Ints:
+def motion_columns(coefficient: Ints2, first: Ints1, degree: Ints1, powers: int) -> Ints:
     """The column of every local unknown of the motion: one span, so that powers are coefficients; -1: none."""
     out = np.full(3 * len(first) * powers, -1)
     for n in range(len(first)):
@@ -70,7 +79,7 @@ def motion_columns(coefficient: Ints, first: Ints, degree: Ints, powers: int) ->
 
 
 @compiled
-def localise(course: Course, coefficients: Floats, camera: Floats, out: Local) -> None:
+def localise(course: Course, coefficients: Floats2, camera: Floats2, out: Local) -> None:
     """Fills `out` at coefficients (P, 3) and cameras (C, W): the chain rule, the power series, the place errors."""
     u, chain, series, shift = out
     first, degree, half_s = course.first, course.degree, course.half_s
@@ -109,12 +118,12 @@ def localise(course: Course, coefficients: Floats, camera: Floats, out: Local) -
 @compiled
 def folded(
     course: Course,
-    normal: Floats,
-    gradient: Floats,
-    chain: Floats,
-    camera: Floats,
-    mean: Floats,
-    precision: Floats,
+    normal: Floats3,
+    gradient: Floats2,
+    chain: Floats3,
+    camera: Floats2,
+    mean: Floats2,
+    precision: Floats2,
     size: int,
 ) -> tuple[Floats, Floats, float]:
     """Twin of `assembly.assemble` without a band, with cameras' priors: lower half of the corner, gradient, their cost.
@@ -215,7 +224,7 @@ def _solved(upper: Floats, right: Floats, out: Floats) -> None:
 
 
 @compiled
-def damped_step(corner: Floats, right: Floats, damping: float) -> tuple[float, float, Floats]:
+def damped_step(corner: Floats2, right: Floats1, damping: float) -> tuple[float, float, Floats]:
     """Smallest squared pivot (0: not positive), what the step takes off the quadratic model, and the step (q,).
 
     Reads the lower half of `corner`; the damping is relative to its diagonal.
@@ -236,7 +245,7 @@ def damped_step(corner: Floats, right: Floats, damping: float) -> tuple[float, f
 
 @compiled
 def tried(
-    course: Course, chain: Floats, step: Floats, coefficients: Floats, camera: Floats
+    course: Course, chain: Floats3, step: Floats1, coefficients: Floats2, camera: Floats2
 ) -> tuple[Floats, Floats, Floats]:
     """Coefficients (P, 3) and cameras (C, W) a step away, and the step (B, L) of the local unknowns."""
     coefficients_there, camera_there = coefficients.copy(), camera.copy()
@@ -282,7 +291,7 @@ def _squares(rows: Floats, out: Floats) -> None:
 
 
 @compiled
-def motion_alone(observed: Observed, course: Course, camera: Floats, rank: float, coefficients: Floats) -> float:
+def motion_alone(observed: Observed, course: Course, camera: Floats2, rank: float, coefficients: Floats2) -> float:
     """Twin of `intersection._motion_step`, where every target has its own equations: `coefficients` (P, 3) and a pivot.
 
     A sighting's share is the square of V (X - C): V'V is I - d d', d the ray in axes of the map, or what the gains say.

@@ -15,8 +15,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
-from calibration.foundation.compiled import AVAILABLE, compiled, inlined
+from calibration.foundation.arrays import (
+    Bools2,
+    Floats,
+    Floats1,
+    Floats2,
+    Floats3,
+    Floats4,
+    Ints,
+    Ints1,
+)  # fmt: skip
+from calibration.foundation.compiled import compiled, inlined, is_compiled
 from pipeline.solver.adjustment._lanes import NEAREST_COSINE, moments, sights, spins, turn, turns
 
 __all__ = [
@@ -24,6 +33,8 @@ __all__ = [
     "squared_lengths",
 ]  # fmt: skip
 
+AVAILABLE = is_compiled(__name__)
+"""Whether these are used."""
 LANES = 64
 
 
@@ -38,22 +49,22 @@ class Observed(NamedTuple):
     angular      whether residuals are divided by the depth
     """
 
-    cam_from_enu: Floats
-    position_m: Floats
-    pose_rate: Floats
-    ray: Floats
-    gain: Floats
-    focal_effect: Floats
-    seen: Bools
-    place_gain: Floats
+    cam_from_enu: Floats3
+    position_m: Floats2
+    pose_rate: Floats2
+    ray: Floats3
+    gain: Floats4
+    focal_effect: Floats3
+    seen: Bools2
+    place_gain: Floats2
     angular: bool
 
 
 class Loosely(NamedTuple):
     """How loosely it binds: frames' own pose errors `spread`, `prior` (C, 6) and `damping` (`PoseError`); the loss."""
 
-    spread: Floats
-    prior: Floats
+    spread: Floats2
+    prior: Floats2
     damping: float
     kind: int
     bend: float
@@ -62,10 +73,10 @@ class Loosely(NamedTuple):
 class Runs(NamedTuple):
     """Where the blocks are: begin (B + 1,) frames, camera (B,), u (F,) time inside the span, half_s (B,) its half."""
 
-    begin: Ints
-    camera: Ints
-    u: Floats
-    half_s: Floats
+    begin: Ints1
+    camera: Ints1
+    u: Floats1
+    half_s: Floats1
 
 
 class Point(NamedTuple):
@@ -74,11 +85,11 @@ class Point(NamedTuple):
     shift (F, N, 2) what place errors add to the residuals; without frames where there are none
     """
 
-    series: Floats
-    bias: Floats
-    focal: Floats
-    own: Floats
-    shift: Floats
+    series: Floats4
+    bias: Floats2
+    focal: Floats1
+    own: Floats2
+    shift: Floats3
 
 
 @inlined
@@ -181,7 +192,7 @@ def _first_kept(n_targets: int, rated: bool, placed: bool) -> int:
 
 
 @compiled
-def kept_shape(begin: Ints, n_targets: int, rated: bool, placed: bool) -> tuple[int, int, int]:
+def kept_shape(begin: Ints1, n_targets: int, rated: bool, placed: bool) -> tuple[int, int, int]:
     """Shape of what `block_normals` keeps: chunks, rows, lanes."""
     width, chunks = lanes_of(begin), 0
     for b in range(len(begin) - 1):
@@ -197,7 +208,7 @@ def room(chunks: int, rows: int, lanes: int) -> Floats:
 
 @compiled
 def block_normals(
-    observed: Observed, loosely: Loosely, runs: Runs, point: Point, kept: Floats
+    observed: Observed, loosely: Loosely, runs: Runs, point: Point, kept: Floats3
 ) -> tuple[Floats, Floats, float, float]:
     """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
 
@@ -278,10 +289,10 @@ def block_normals(
                 for n in range(n_targets):
                     factor, growth_at[n, lane] = _magnified(lens, f, n, focal[c], whole)
                     for i in range(axes):
-                        k = factor if i < 2 else 1.0
-                        ray_at[n, i, lane] = k * ray[f, n, i]
-                        gain_at[n, i, lane] = k * gain[f, n, 0, i]
-                        gain_at[n, 3 + i, lane] = k * gain[f, n, 1, i]
+                        larger = factor if i < 2 else 1.0
+                        ray_at[n, i, lane] = larger * ray[f, n, i]
+                        gain_at[n, i, lane] = larger * gain[f, n, 0, i]
+                        gain_at[n, 3 + i, lane] = larger * gain[f, n, 1, i]
                 if placed:
                     for n in range(n_targets):
                         shift_at[n, 0, lane], shift_at[n, 1, lane] = shift[f, n, 0], shift[f, n, 1]
@@ -494,15 +505,15 @@ def block_normals(
 
 @compiled
 def kept_steps(
-    kept: Floats,
+    kept: Floats3,
     rated: bool,
     placed: bool,
-    spread: Floats,
+    spread: Floats2,
     runs: Runs,
-    series: Floats,
-    step: Floats,
-    own: Floats,
-    out: Floats,
+    series: Floats4,
+    step: Floats2,
+    own: Floats2,
+    out: Floats2,
 ) -> None:
     """`own` + du into `out`: du as `frame_steps`, from what `block_normals` kept: - L'^-1 (L^-1 h + L^-1 E dz)."""
     begin, camera, time_u, half_s = runs
@@ -587,7 +598,7 @@ def kept_steps(
 
 
 @compiled
-def squared_lengths(observed: Observed, spread: Floats, runs: Runs, point: Point, out: Floats) -> None:
+def squared_lengths(observed: Observed, spread: Floats2, runs: Runs, point: Point, out: Floats2) -> None:
     """Squared lengths of the residuals into `out` (F, N), in sigmas, whatever the loss; zero where unseen."""
     error, turned = np.zeros(6), np.zeros((3, 3))
     axes, powers = observed.position_m.shape[1], point.series.shape[3]

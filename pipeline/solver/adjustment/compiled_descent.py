@@ -208,7 +208,7 @@ def _linearised(
 
 def warm() -> None:
     """Compiles, or loads from disk, everything that a solve uses: its clock shall not count that."""
-    if not _kernels.AVAILABLE or _kernels.block_normals.signatures:
+    if not getattr(_kernels.block_normals, "py_func", None) or _kernels.block_normals.signatures:
         return
     i, f = np.zeros(1, np.int64), np.zeros
     begin = np.array([0, 1])

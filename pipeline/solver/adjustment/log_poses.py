@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
-from calibration.foundation.compiled import AVAILABLE, compiled
+from calibration.foundation.arrays import Floats, Floats1, Floats2, Floats3
+from calibration.foundation.compiled import compiled, is_compiled
 from calibration.foundation.errors import RunningFixError
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack, Problem
@@ -105,7 +105,7 @@ def carry_plain(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -
 
 
 @compiled
-def _carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
+def _carry(rate: Floats2, seconds: Floats1, turn: Floats3, position: Floats2) -> None:
     """Twin of `carry_plain`."""
     w, turned = np.zeros(3), np.zeros((3, 3))
     for f in range(len(seconds)):
@@ -119,8 +119,8 @@ def _carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> Non
 
 
 def carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None:
-    """`carry_plain`, compiled where numba is installed."""
-    if AVAILABLE:
+    """`carry_plain`, compiled where it can be."""
+    if is_compiled(__name__):
         _carry(rate, seconds, turn, position)
     else:
         carry_plain(rate, seconds, turn, position)

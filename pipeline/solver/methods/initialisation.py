@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
-from calibration.foundation.compiled import AVAILABLE
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
-from pipeline.solver.adjustment import compiled_descent
+from pipeline.solver.adjustment import _kernels, compiled_descent
 from pipeline.solver.adjustment.assembly import blocks_at
 from pipeline.solver.adjustment.elimination import HUBER, NONE, Loss, squared_lengths
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, levenberg_marquardt
@@ -208,7 +207,7 @@ def residual_lengths(model: Model, state: State) -> Floats:
     """(m,) length of every sighting's residual in sigmas."""
     if compiled_descent.is_dense(model):
         return np.asarray(np.sqrt(compiled_descent.squared_lengths(model, state)[model.frames.seen]))
-    if AVAILABLE:
+    if _kernels.AVAILABLE:
         blocks, at = blocks_at(model, state)
         return np.asarray(np.sqrt(squared_lengths(model.frames, model.pose, at, blocks)[model.frames.seen]))
     return np.asarray(np.linalg.norm(residuals(model, state)[model.frames.seen], axis=-1))

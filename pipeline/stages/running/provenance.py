@@ -6,8 +6,8 @@ import hashlib
 from importlib import metadata
 from pathlib import Path
 
-from calibration.foundation.compiled import AVAILABLE
 from pipeline.flight import Flight
+from pipeline.solver import how_compiled
 
 NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
 
@@ -46,5 +46,5 @@ def versions() -> dict[str, str]:
 
 
 def decisive() -> dict[str, str]:
-    """What decides a result's last bits beside its inputs: versions, and whether loops are compiled."""
-    return {**versions(), "compiled": "yes" if AVAILABLE else "no"}
+    """What decides a result's last bits beside its inputs: versions, and how loops are compiled."""
+    return {**versions(), "compiled": how_compiled()}

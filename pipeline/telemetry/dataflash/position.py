@@ -11,6 +11,7 @@ from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
 )
+from pipeline.telemetry.log.receiver import ReceiverSeries, at_times, receiver_series
 from pipeline.telemetry.log.series import position_series
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
@@ -58,6 +59,22 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
         velocity_ned_mps=velocity,
         above_home_m=table.floats("RelHomeAlt" if "RelHomeAlt" in table else "RelAlt"),
     )
+
+
+def receiver_of(raw: RawLog) -> ReceiverSeries | None:
+    """The fix, accuracy and height over time of the receiver in use."""
+    table, stated = gps_in_use(raw), accuracy_in_use(raw)
+    if table is None:
+        return None
+    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
+    time, nothing = time_of(table), np.full(len(table), np.nan)
+    across, up = (
+        nothing if stated is None else at_times(time, time_of(stated), stated.floats(name)) for name in ("HAcc", "VAcc")
+    )
+    return receiver_series(
+        source=table.name, time_s=time, fix=table.floats("Status"), horizontal_m=across, vertical_m=up,
+        height_m=on_ellipsoid(table.floats("Alt"), undulation, table.floats("Lat"), table.floats("Lng"))[1],
+    )  # fmt: skip
 
 
 def _local(raw: RawLog, undulation: Undulation | None) -> PositionSeries | None:

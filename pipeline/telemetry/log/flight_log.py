@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
+from pipeline.telemetry.log.receiver import ReceiverSeries
 
 LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt", "misb klv", "flight record"]
 EARTH, HEADING, BODY = 0, 1, 2
@@ -177,6 +178,7 @@ class FlightLog:
     counts              message name -> how many whole messages, of every sender
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, which message says so, and how well
+    receiver            what the receiver of the positions said of itself over time; None where the format does not tell
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
     video_start_s, video_start_sigma_s  log time of frame 0 of the video that the log lies in; NaN where it lies in none
     takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
@@ -203,6 +205,7 @@ class FlightLog:
     utc: ClockModel | None = None
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
+    receiver: ReceiverSeries | None = None
     video_start_s: float = float("nan")
     video_start_sigma_s: float = float("nan")
     takeoff_given: bool = False

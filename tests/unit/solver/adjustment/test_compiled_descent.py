@@ -9,6 +9,7 @@ import pytest
 
 from calibration.foundation.errors import GeometryError
 from pipeline.records import SolverSettings
+from pipeline.solver import how_compiled
 from pipeline.solver.adjustment import _descent, _kernels, compiled_descent
 from pipeline.solver.adjustment import levenberg_marquardt as levenberg_marquardt_module
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, levenberg_marquardt, levenberg_marquardt_plain
@@ -19,7 +20,7 @@ from pipeline.solver.observation.observations import metric, pack
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
 
-pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
+pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="neither built ahead nor numba installed")
 METHODS = ["map", "algorithm-1", "algorithm-2"]
 
 
@@ -106,6 +107,7 @@ def test_an_undetermined_motion_is_refused_either_way(monkeypatch, compiled):
         intersection.intersect(blind, state)
 
 
+@pytest.mark.skipif(how_compiled() != "when called", reason="built ahead: nothing is left to compile")
 def test_warming_up_compiles_what_a_descent_uses():
     compiled_descent.warm()
     used = (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.records import SolverSettings
-from pipeline.solver import make_ready, solve
+from pipeline.solver import how_compiled, make_ready, solve
 from pipeline.solver.adjustment import _assembly, _kernels, compiled_descent, elimination
 from pipeline.solver.adjustment.assembly import assemble, assemble_plain, blocks_at
 from pipeline.solver.adjustment.elimination import (
@@ -23,7 +23,8 @@ from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
 from tests.scenes.solver import changed, placed_model, rich_model
 
-pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")
+pytestmark = pytest.mark.skipif(not _kernels.AVAILABLE, reason="neither built ahead nor numba installed")
+when_called = pytest.mark.skipif(how_compiled() != "when called", reason="built ahead: nothing is left to compile")
 
 
 def alike(found, wanted):
@@ -101,6 +102,7 @@ def test_what_would_take_too_much_is_not_kept():
     assert len(elimination.kept_room(model.frames, blocks.begin, False, 10**9)) > 0
 
 
+@when_called
 def test_warming_up_loads_the_signatures_in_use():
     """A solve after `warm` must find everything compiled, or its seconds would count the compiler's."""
     compiled_descent.warm()

@@ -1,0 +1,1 @@
+"""Builds the compiled loops of a wheel: Python of a narrow kind, translated to C (`translate`, `wrappers`)."""

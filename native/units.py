@@ -1,0 +1,42 @@
+"""Which files are translated together into one extension, and under which names it is built."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from native.translate import Program, read_unit
+from native.wrappers import c_file
+
+PACKAGE = "pipeline.solver.adjustment"
+FILES = ("_lanes", "_kernels", "_descent", "_assembly", "log_poses")
+NAME = "_native"
+WIDE = {"_native_avx2": ("-march=x86-64-v3",)}
+"""Beside the one for every processor of the kind: for those with AVX2 and FMA, some three times as fast."""
+FLAGS = (
+    "-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic", "-fno-inline-functions-called-once",
+    "-fno-inline-small-functions", "-finline-limit=30", "-std=gnu11", "-fno-math-errno", "-fno-trapping-math",
+    "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math", "-ffp-contract=fast", "-Wno-unused-function",
+    "-Wno-unused-variable", "-Wno-unused-but-set-variable", "-Wno-clobbered", "-fvisibility=hidden",
+)  # fmt: skip
+"""As the just-in-time compiler is told: sums may be reordered, infinities and NaN mean what they mean. Little inlining:
+-O3 takes three times as long to compile and gains nothing."""
+
+
+def sources(root: Path) -> list[Path]:
+    """The translated files."""
+    return [root.joinpath(*PACKAGE.split("."), f"{name}.py") for name in FILES]
+
+
+def stamp(root: Path) -> str:
+    """A hash of their text: an extension built of other text is not used."""
+    digest = hashlib.sha256()
+    for path in sources(root):
+        digest.update(path.read_bytes().replace(b"\r\n", b"\n"))
+    return digest.hexdigest()
+
+
+def written(root: Path, name: str = NAME) -> str:
+    """The C text of the extension `name`."""
+    units = {f"{PACKAGE}.{path.stem}": read_unit(path) for path in sources(root)}
+    return c_file(Program(units), name, stamp(root), next(iter(WIDE)))
