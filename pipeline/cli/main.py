@@ -23,6 +23,7 @@ OWN_MODULES = (
     "experiment",
     "inspect",
     "label",
+    "match",
 )
 
 

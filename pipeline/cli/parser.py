@@ -40,6 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     _camera(commands)
     _detect(commands)
     _label(commands)
+    _match(commands)
     check = _command(
         commands, "check", "what is wrong or doubtful in a flight, before tracking", "runningfix check flight.toml"
     )
@@ -201,6 +202,18 @@ def _label(commands: Commands) -> None:
     )
     parser.add_argument("--port", type=int, default=0, help="of the page (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="only say the address")
+
+
+def _match(commands: Commands) -> None:
+    parser = _command(
+        commands, "match", "which target of one camera is which of another: boxes and tracks under common names",
+        "runningfix match flight.toml -o out/",
+    )  # fmt: skip
+    parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file; it is left as it is")
+    parser.add_argument("-o", "--output", default=Path("out"), type=Path, metavar="out/", help="where the tracks go")
+    parser.add_argument(
+        "--write", type=Path, metavar="NAME.toml", help="the new flight file (default: flight-matched.toml beside it)"
+    )
 
 
 def _flight_command(commands: Commands, name: str, what: str) -> None:

@@ -14,6 +14,7 @@ from pipeline.stages.problem.build import build_problem
 from pipeline.stages.problem.rays import sight_rays
 from pipeline.stages.running.check import check_flight
 from pipeline.stages.running.flight import run_flight
+from pipeline.stages.running.match import MatchRun, run_match
 from pipeline.stages.running.poses import run_poses
 from pipeline.stages.running.results import gather_results
 from pipeline.stages.running.solve import run_solve
@@ -21,6 +22,7 @@ from pipeline.stages.running.summary import RunSummary
 from pipeline.stages.running.track import run_track
 
 __all__ = [
+    "MatchRun",
     "MeasuredPoses",
     "Outlook",
     "RunSummary",
@@ -33,6 +35,7 @@ __all__ = [
     "read_models",
     "read_tracks",
     "run_flight",
+    "run_match",
     "run_poses",
     "run_solve",
     "run_track",

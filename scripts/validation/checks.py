@@ -150,10 +150,36 @@ CHECKS = (
         says="100 random flights, clocks unknown by a minute",
     ),
     Check(
+        name="match",
+        module="check_match",
+        minutes=8,
+        says="100 drawn flights with strangers and unknown clocks: pairs found, wrong ones told",
+    ),
+    Check(
         name="ordinary-flights",
         module="check_ordinary_flights",
         minutes=40,
         says="ordinary flights with nothing but defaults: error over claim, and beside the true motion given",
+    ),
+    Check(
+        name="gnss-walk",
+        module="check_ordinary_flights",
+        arguments=("--walk", "gnss10", "--flights", "50", "--seed", "6000"),
+        minutes=40,
+        says="the same with positions that walk by 1 m in 10 s, claimed white",
+    ),
+    Check(
+        name="attitude-walk",
+        module="check_ordinary_flights",
+        arguments=("--walk", "attitude", "--flights", "50", "--seed", "7000"),
+        minutes=40,
+        says="the same with attitudes that walk by 0.3 degrees in 10 s, claimed white",
+    ),
+    Check(
+        name="depth-intervals",
+        module="check_depth_intervals",
+        minutes=10,
+        says="two cameras 15 m apart, 360 m away: how often the intervals of distances hold",
     ),
     Check(
         name="demo-order",

@@ -191,8 +191,24 @@ ROWS = (
         what="ordinary flights with nothing but defaults",
         words=lambda f: (
             f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights, at most {f['greatest']:.2f}; "
-            f"{f['offsets_beyond_four_sigmas']} offsets more than four sigmas off"
+            f"{f['offsets_beyond_four_sigmas']} offsets more than four sigmas off; "
+            + ", ".join(f"{grade} {count}" for grade, count in f.get("grades", {}).items())
         ),
+    ),
+    Row(
+        check="gnss-walk",
+        what="the same, positions that walk by 1 m in 10 s",
+        words=lambda f: f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights",
+    ),
+    Row(
+        check="attitude-walk",
+        what="the same, attitudes that walk by 0.3 degrees in 10 s",
+        words=lambda f: f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights",
+    ),
+    Row(
+        check="depth-intervals",
+        what="intervals of distances, cameras 15 m apart and 360 m away",
+        words=lambda f: f"{f['within_68']:.2f} and {f['within_95']:.2f} of {f['intervals']} within 68 and 95 %",
     ),
     Row(
         check="verdict",
