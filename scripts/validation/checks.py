@@ -150,6 +150,12 @@ CHECKS = (
         says="100 random flights, clocks unknown by a minute",
     ),
     Check(
+        name="match",
+        module="check_match",
+        minutes=8,
+        says="100 drawn flights with strangers and unknown clocks: pairs found, wrong ones told",
+    ),
+    Check(
         name="ordinary-flights",
         module="check_ordinary_flights",
         minutes=40,
@@ -218,6 +224,19 @@ CHECKS = (
         module="check_resume",
         minutes=3,
         says="a run killed at ten random moments and started again: the same bytes",
+    ),
+    Check(
+        name="batch",
+        module="check_batch",
+        minutes=12,
+        says="200 flights, two workers, one killed, one flight endless, one too large: 198 done, the same bytes, time",
+    ),
+    Check(
+        name="batch-cluster",
+        module="check_batch",
+        arguments=("--scheduler",),
+        minutes=12,
+        says="the same on a local Dask cluster",
     ),
     Check(
         name="verdict",
