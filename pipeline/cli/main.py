@@ -24,6 +24,7 @@ OWN_MODULES = (
     "inspect",
     "label",
     "match",
+    "new",
 )
 
 

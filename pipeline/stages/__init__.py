@@ -4,6 +4,7 @@ Each stage is a function of the flight and of what came before; `run` chains the
 """
 
 from pipeline.stages.checks.outlook import Outlook
+from pipeline.stages.drafting.draft import Draft, draft_flight
 from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.log_paths import log_paths
 from pipeline.stages.inputs.sources import open_sources
@@ -22,12 +23,14 @@ from pipeline.stages.running.summary import RunSummary
 from pipeline.stages.running.track import run_track
 
 __all__ = [
+    "Draft",
     "MatchRun",
     "MeasuredPoses",
     "Outlook",
     "RunSummary",
     "build_problem",
     "check_flight",
+    "draft_flight",
     "gather_results",
     "log_paths",
     "measure_poses",

@@ -45,6 +45,26 @@ def run_match(flight: Flight, out: Path, *, write: Path | None = None, progress:
     no boxes, and what its stages raise.
     """
     paths = matched_paths(flight, write)
+    text = read_bytes(flight.path, expected="a flight file (TOML)", most=LARGEST_BYTES).decode("utf-8-sig")
+    found, files = _matched(flight, text, out, paths, progress)
+    for path, content in files.items():
+        write_whole(path, content)
+    return found
+
+
+def match_text(flight: Flight, text: str, out: Path, *, progress: Progress = silent) -> tuple[MatchRun, str]:
+    """The match of a flight whose file is `text`, and that text with its targets under common names; for videos.
+
+    Nothing but `out` is written. Raises as `run_match`.
+    """
+    found, files = _matched(flight, text, out, {"": flight.path}, progress)
+    return found, files[flight.path]
+
+
+def _matched(
+    flight: Flight, text: str, out: Path, paths: Mapping[str, Path], progress: Progress
+) -> tuple[MatchRun, dict[Path, str]]:
+    """The match, and the files it comes to by path."""
     models = check_inputs(flight, out)
     clock = StageSeconds()
     with clock.stage("detect"):
@@ -62,18 +82,16 @@ def run_match(flight: Flight, out: Path, *, write: Path | None = None, progress:
         TrackName(camera=camera, target=t.name): box
         for t in full.targets for camera, box in t.boxes.items() if full.camera(camera).tracks is None
     }  # fmt: skip
-    text = read_bytes(flight.path, expected="a flight file (TOML)", most=LARGEST_BYTES).decode("utf-8-sig")
-    new = matched_text(text, flight, boxes, _all_named(boxes, names), paths, _notes(matching, names))
     tables = matched_tables(tracks, names, paths)
-    for path, content in {**tables, paths[""]: new}.items():
-        write_whole(path, content)
-    return MatchRun(
+    new = matched_text(text, flight, boxes, _all_named(boxes, names), paths, _notes(matching, names))
+    found = MatchRun(
         matching=matching,
         names=names,
         files=(*tables, paths[""]),
         warnings=(*notes, *tracked.warnings, *pose_notes(measured), *doubts(matching)),
         seconds={**tracked.seconds, **clock.seconds},
     )
+    return found, {**tables, paths[""]: new}
 
 
 def with_proposals(flight: Flight, progress: Progress = silent) -> tuple[Flight, tuple[str, ...]]:
