@@ -124,10 +124,14 @@ def implied_size(K: Floats) -> str:
     return f"about {2 * K[0, 2] + 1:.0f} x {2 * K[1, 2] + 1:.0f}"
 
 
+TOLD = ("note", "other_camera")
+"""Keys of `made` that hold a sentence for people: of a file without a size, of a video by another camera."""
+
+
 def doubts(camera: CameraModel) -> tuple[str, ...]:
     """What few cameras have and should be looked at, one sentence each; little where nothing is known of the size."""
     size, K = camera.image_size, camera.K
-    words = [str(camera.made["note"])] if "note" in camera.made else []
+    words = [str(camera.made[key]) for key in TOLD if key in camera.made]
     if size == UNKNOWN_SIZE:
         return tuple(words)
     if max(off_centre(K, size)) > OFF_CENTRE and "area" not in camera.made:

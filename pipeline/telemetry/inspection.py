@@ -11,6 +11,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
 from pipeline.telemetry.camera_pose.sigma import log_sigma, position_worth
+from pipeline.telemetry.camera_pose.truth import truth_words
 from pipeline.telemetry.clocks.own_clock import counts_from_1970
 from pipeline.telemetry.gimbals.frames import FRAME_NAMES
 from pipeline.telemetry.log.flight_log import FlightLog
@@ -74,6 +75,7 @@ def inspect_log(log: FlightLog) -> Inspection:
             *_more(log),
             *log.notes,
             *position_worth(log).notes,
+            *truth_words(log),
             *missing,
             *to_write,
         ),

@@ -27,7 +27,7 @@ from scripts.validation.figures import tell
 
 CHARUCO = Board(cols=9, rows=6, square_m=0.025, marker_m=0.018, dictionary="DICT_5X5_100")
 PLAIN = Board(cols=9, rows=6, square_m=0.025)
-SIZE, FINE, PER = (800, 600), 4, 175
+SIZE, FINE, PER = (800, 600), 3, 175
 """Samples a pixel each way; texture pixels a square, a multiple of a marker's 7 cells over 18/25."""
 STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.001)
 
@@ -57,33 +57,34 @@ def pose(lens: CameraModel, seed: int, partial: bool) -> Pose:
     if partial:
         random = np.random.default_rng([seed, 2])
         way = random.uniform(0, 2 * np.pi)
-        t = (
-            t
-            + t[2] * 0.45 * SIZE[0] / lens.K[0, 0] * np.array([np.cos(way), 0.7 * np.sin(way), 0])
-            - [0, 0, 0.2 * t[2]]
-        )
+        t = t + t[2] * 0.4 * SIZE[0] / lens.K[0, 0] * np.array([np.cos(way), 0.7 * np.sin(way), 0]) - [0, 0, 0.2 * t[2]]
     return R, t
 
 
-def photo(lens: CameraModel, board: Board, at: Pose, seed: int) -> cv2.typing.MatLike:
-    """The board as the lens shows it."""
-    random = np.random.default_rng([seed, 3])
-    blur, noise = random.uniform(0.5, 1.2), random.uniform(1, 4)
+def on_sheet(lens: CameraModel, at: Pose) -> Floats:
+    """(h, w, 2) pixels of the sheet that each sample of the photo sees."""
     x, y = ((np.arange(n * FINE) + 0.5) / FINE - 0.5 for n in SIZE)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     rays = cv2.undistortPoints(grid[:, None], lens.K, lens.distortion, None, None, None, STOP_FINE)[:, 0]
     R, t = at
     inverse = np.linalg.inv(np.column_stack([R[:, 0], R[:, 1], t]))
     on_board = np.column_stack([rays, np.ones(len(rays))]) @ inverse.T
-    place = on_board[:, :2] / on_board[:, 2:] / board.square_m * PER + 2 * PER - 0.5
-    across, down = (place[:, i].reshape(SIZE[1] * FINE, SIZE[0] * FINE).astype(np.float32) for i in (0, 1))
+    place = on_board[:, :2] / on_board[:, 2:] / PLAIN.square_m * PER + 2 * PER - 0.5
+    return np.asarray(place.reshape(SIZE[1] * FINE, SIZE[0] * FINE, 2))
+
+
+def photo(board: Board, place: Floats, seed: int) -> cv2.typing.MatLike:
+    """The board as the lens shows it."""
+    random = np.random.default_rng([seed, 3])
+    blur, noise = random.uniform(0.5, 1.2), random.uniform(1, 4)
+    across, down = (place[..., i].astype(np.float32) for i in (0, 1))
     seen = cv2.remap(sheet(board), across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=160)
     small = cv2.resize(seen, SIZE, interpolation=cv2.INTER_AREA).astype(float)
     small = cv2.GaussianBlur(0.75 * small + 25, (0, 0), blur)
     return np.asarray(np.clip(small + random.normal(0, noise, small.shape), 0, 255), np.uint8)
 
 
-STOP_FINE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
+STOP_FINE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 1e-9)
 
 
 def finders(marked: cv2.typing.MatLike, plain: cv2.typing.MatLike) -> dict[str, tuple[Floats, Ints] | None]:
@@ -121,8 +122,8 @@ def main() -> None:
         at = pose(lens, seed, partial)
         true = project(lens, PLAIN.points_m @ at[0].T + at[1])
         assert np.isfinite(unproject(lens, true[:1])).all() or partial
-        said = []
-        for name, found in finders(photo(lens, CHARUCO, at, seed), photo(lens, PLAIN, at, seed)).items():
+        said, place = [], on_sheet(lens, at)
+        for name, found in finders(photo(CHARUCO, place, seed), photo(PLAIN, place, seed)).items():
             if found is None:
                 said.append(f"{name} none")
                 continue

@@ -92,6 +92,23 @@ class AttitudeSeries:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class TruthSeries:
+    """What a simulator says of its vehicle: places (n,), heights from where the position's count, NaN where unknown."""
+
+    source: str
+    time_s: Floats
+    lat_rad: Floats
+    lon_rad: Floats
+    height_m: Floats
+    attitude: AttitudeSeries
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        for name in ("time_s", "lat_rad", "lon_rad", "height_m"):
+            settle(self, **{name: frozen(getattr(self, name), (n,), name)})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class GimbalSeries:
     """How the camera's mount was turned, as FRD axes (x along the optical axis, z the image's down).
 
@@ -179,6 +196,7 @@ class FlightLog:
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, which message says so, and how well
     receiver            what the receiver of the positions said of itself over time; None where the format does not tell
+    truth               a simulator's own poses, where the log has them
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
     video_start_s, video_start_sigma_s  log time of frame 0 of the video that the log lies in; NaN where it lies in none
     takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
@@ -206,6 +224,7 @@ class FlightLog:
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
     receiver: ReceiverSeries | None = None
+    truth: TruthSeries | None = None
     video_start_s: float = float("nan")
     video_start_sigma_s: float = float("nan")
     takeoff_given: bool = False
