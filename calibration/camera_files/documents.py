@@ -35,7 +35,7 @@ def document_in(text: str, suffix: str) -> tuple[str, Any]:
         return "XML", _xml(text)
     if lines and all(_COLMAP_LINE.fullmatch(line) for line in lines):
         return "COLMAP", {COLMAP: lines}
-    if sum(bool(_PIX4D_LINE.fullmatch(line)) for line in lines) >= 3:
+    if start.startswith("Pix4D") or sum(bool(_PIX4D_LINE.fullmatch(line)) for line in lines) >= 3:
         return "Pix4D", {PIX4D: lines}
     if len(re.findall(_BOUGUET_LINE, text)) >= 2:
         return "MATLAB", _bouguet_script(text)

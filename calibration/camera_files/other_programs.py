@@ -175,6 +175,13 @@ def colmap(fields: Fields) -> Mapping[str, Fields]:
     return found if len(found) > 1 else {"": next(iter(found.values()))}
 
 
+def is_nerfstudio(fields: Fields) -> bool:
+    """Whether focal lengths are named as nerfstudio does, for all pictures or for each."""
+    frames = fields.get("frames")
+    each = frames if isinstance(frames, list) else []
+    return "fl_x" in fields or any(isinstance(frame, Mapping) and "fl_x" in frame for frame in each)
+
+
 def nerfstudio(fields: Fields) -> Mapping[str, Fields]:
     """transforms.json of nerfstudio and instant-ngp: fl_x, fl_y, cx, cy, w, h, k1 ... in pixels."""
     frames = fields.get("frames") or []

@@ -22,6 +22,7 @@ from calibration.camera_files.other_programs import (
     colmap,
     gyroflow,
     is_basalt,
+    is_nerfstudio,
     mrcal,
     nerfstudio,
     okvis,
@@ -152,7 +153,7 @@ KINDS: tuple[Kind, ...] = (
     Kind(name="COLMAP", signs=_has(COLMAP), cameras=colmap),
     Kind(name="mrcal", signs=_has(MRCAL), cameras=mrcal),
     Kind(name="gyroflow", signs=_any("fisheye_params", "calib_dimension"), cameras=gyroflow),
-    Kind(name="nerfstudio", signs=_has("fl_x"), cameras=nerfstudio),
+    Kind(name="nerfstudio", signs=is_nerfstudio, cameras=nerfstudio),
     Kind(
         name="NeRF",
         signs=_has("camera_angle_x"),

@@ -53,6 +53,7 @@ def build_parser() -> argparse.ArgumentParser:
         ("run", "all of it; resumes where it was stopped"),
     ):
         _flight_command(commands, name, what)
+    _batch(commands)
     _boresight(commands)
     _inspect(commands)
     doctor = _command(
@@ -262,6 +263,29 @@ def _inspect(commands: Commands) -> None:
         "--dialect", default="", metavar="NAME|XML", help="a pymavlink dialect, or your message definitions"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="picture.svg", help="draw the flight into this file")
+
+
+def _batch(commands: Commands) -> None:
+    parser = _command(
+        commands, "batch", "many flights, each within limits, into one data set with a catalogue",
+        "runningfix batch 'flights/*/flight.toml' -o batch/\n  runningfix batch flights.csv -o s3://bucket/batch "
+        "--timeout 900 --memory 2G",
+    )  # fmt: skip
+    parser.add_argument(
+        "flights", nargs="+", metavar="FLIGHTS",
+        help="flight files, folders with a flight.toml, patterns, or tables (.csv .parquet) with a column `flight`; "
+        "paths or URLs",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", required=True, metavar="batch/", help="folder or URL of the data set")
+    parser.add_argument("--jobs", type=int, help="processes (default: one for each core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster instead (extra 'cluster')")
+    parser.add_argument(
+        "--timeout", type=float, default=3600.0, metavar="SECONDS", help="that one flight may take (default 3600)"
+    )
+    parser.add_argument(
+        "--memory", metavar="SIZE", help="that one flight may take, such as 2G (default: its share of the machine's)"
+    )
+    parser.add_argument("--again", action="store_true", help="flights that failed before, too, though nothing changed")
 
 
 def _demo(commands: Commands) -> None:

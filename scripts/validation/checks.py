@@ -226,6 +226,19 @@ CHECKS = (
         says="a run killed at ten random moments and started again: the same bytes",
     ),
     Check(
+        name="batch",
+        module="check_batch",
+        minutes=12,
+        says="200 flights, two workers, one killed, one flight endless, one too large: 198 done, the same bytes, time",
+    ),
+    Check(
+        name="batch-cluster",
+        module="check_batch",
+        arguments=("--scheduler",),
+        minutes=12,
+        says="the same on a local Dask cluster",
+    ),
+    Check(
         name="verdict",
         module="check_verdict",
         minutes=40,

@@ -101,7 +101,7 @@ def with_proposals(flight: Flight, progress: Progress = silent) -> tuple[Flight,
         if camera.video is None or camera.tracks is not None or any(camera.name in t.boxes for t in flight.targets):
             continue
         boxes = proposed(camera, progress)
-        targets += [TargetSettings(name=name, boxes={camera.name: box}) for name, box in boxes.items()]
+        targets += [TargetSettings(name=name, labels={camera.name: (box,)}) for name, box in boxes.items()]
         notes.append(f"{camera.name}: no boxes in the flight file, {len(boxes)} proposed by what moves in its video")
     return replace(flight, targets=tuple(targets)), tuple(notes)
 

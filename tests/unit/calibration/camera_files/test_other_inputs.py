@@ -156,6 +156,11 @@ REFUSED = {
         {"calib_dimension": {"w": 1280, "h": 720}, "interpolations": {"24": {}},
          "fisheye_params": {"camera_matrix": K, "distortion_coeffs": FOUR}}, "zoom",
     ),
+    "Pix4D, a text for people": ("Pix4D camera calibration file 0\n\n#mm\nF 15.0\nPx 8.65\n", "Pix4D"),
+    "nerfstudio, a camera for each frame": (
+        {"camera_model": "OPENCV", "frames": [{"fl_x": 560, "cx": 640, "cy": 360, "w": 1280, "h": 720}]},
+        "a camera of its own for each frame",
+    ),
     "VisualSFM": ("NVM_V3\n\n2\nimg1.jpg\t560.5 1 0 0 0 0 0 0 -0.1 0\n", "cannot be read"),
     "JSON cut off": ('{"image_size": [1280, 720], "K": [[560.5, 0, 64', "cannot be read"),
 }  # fmt: skip
