@@ -75,7 +75,9 @@ def matched_text(
     paths: Mapping[str, Path],
     notes: Mapping[str, Sequence[str]],
 ) -> str:
-    """The flight file `text` with its targets anew: `boxes` of tracks under their common `names`, with notes above.
+    """The flight file `text` with its targets anew: `boxes` of tracks (the first of each) under their common `names`.
+
+    Notes stand above them as comments; several boxes of a target stay several.
 
     Raises UsageError where the file writes its targets or tracks in a way that is not edited here.
     """
@@ -126,8 +128,9 @@ def _tables(
                 table.setdefault(key, value)
         if track in boxes:
             box = boxes[track]
-            sides = [box.x, box.y, box.width, box.height]
-            table.setdefault("boxes", {})[track.camera] = {"frame": box.frame, "box": sides}
+            made = {"frame": box.frame, "box": [box.x, box.y, box.width, box.height]}
+            told = given.get(track.target, {}).get("boxes", {}).get(track.camera, made)  # one, or several
+            table.setdefault("boxes", {})[track.camera] = copy.deepcopy(told)
     used = {track.target for track in names}
     for name, table in given.items():
         if name not in used and name not in found:
