@@ -55,9 +55,8 @@ def draft_flight(folder: Path, path: Path | None = None, *, detect: bool = True,
     several = sum(camera.tracks is not None or bool(boxes.get(camera.name)) for camera in cameras) > 1
     if several and not missing and not any(camera.tracks is not None for camera in cameras):
         try:
-            match, whole = match_text(
-                flight_of(whole.encode(), target), whole, target.parent / "out", progress=progress
-            )
+            flight, guessed = flight_of(whole.encode(), target), [name for own in boxes.values() for name in own]
+            match, whole = match_text(flight, whole, target.parent / "out", guessed=guessed, progress=progress)
         except RunningFixError as error:
             warnings.append(f"targets are not matched between the cameras: {error.where}: {error.seen}")
         else:

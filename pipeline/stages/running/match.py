@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from pipeline.flight.read import LARGEST_BYTES
 from pipeline.matching import Matching, TrackName
 from pipeline.records import Box
 from pipeline.stages.inputs.tracks import read_tracks
+from pipeline.stages.matching.duplicates import duplicates
 from pipeline.stages.matching.files import matched_paths, matched_tables, matched_text
 from pipeline.stages.matching.match import match_flight
 from pipeline.stages.matching.names import common_names
@@ -52,17 +53,20 @@ def run_match(flight: Flight, out: Path, *, write: Path | None = None, progress:
     return found
 
 
-def match_text(flight: Flight, text: str, out: Path, *, progress: Progress = silent) -> tuple[MatchRun, str]:
+def match_text(
+    flight: Flight, text: str, out: Path, *, guessed: Collection[str] = (), progress: Progress = silent
+) -> tuple[MatchRun, str]:
     """The match of a flight whose file is `text`, and that text with its targets under common names; for videos.
 
-    Nothing but `out` is written. Raises as `run_match`.
+    Of `guessed` targets those that turn out to be of one vehicle with another are dropped. Nothing but `out` is
+    written. Raises as `run_match`.
     """
-    found, files = _matched(flight, text, out, {"": flight.path}, progress)
+    found, files = _matched(flight, text, out, {"": flight.path}, progress, guessed)
     return found, files[flight.path]
 
 
 def _matched(
-    flight: Flight, text: str, out: Path, paths: Mapping[str, Path], progress: Progress
+    flight: Flight, text: str, out: Path, paths: Mapping[str, Path], progress: Progress, guessed: Collection[str] = ()
 ) -> tuple[MatchRun, dict[Path, str]]:
     """The match, and the files it comes to by path."""
     models = check_inputs(flight, out)
@@ -73,22 +77,34 @@ def _matched(
     with writing(out) as ledger:
         tracked = track_into(ledger, full, resume=True, progress=progress)
     tracks = tuple(t for t in read_tracks(full, out) if t.seen.any())
+    boxes = {
+        TrackName(camera=camera, target=t.name): box
+        for t in full.targets for camera, box in t.boxes.items() if full.camera(camera).tracks is None
+    }  # fmt: skip
+    proposals = {t.name for t in full.targets} - {t.name for t in flight.targets} | set(guessed)
+    twice = duplicates(tracks, boxes, proposals)
+    tracks = tuple(t for t in tracks if TrackName(camera=t.camera, target=t.target) not in twice)
+    boxes = {track: box for track, box in boxes.items() if track not in twice}
     with clock.stage("poses"):
         measured = measure()[1]
     with clock.stage("match"):
         matching = match_flight(full, tracks, measured, models, progress)
     names = common_names(matching.targets)
-    boxes = {
-        TrackName(camera=camera, target=t.name): box
-        for t in full.targets for camera, box in t.boxes.items() if full.camera(camera).tracks is None
-    }  # fmt: skip
     tables = matched_tables(tracks, names, paths)
-    new = matched_text(text, flight, boxes, _all_named(boxes, names), paths, _notes(matching, names))
+    new = matched_text(
+        text,
+        flight,
+        boxes,
+        _all_named(boxes, names),
+        paths,
+        _notes(matching, names),
+        dropped={track.target for track in twice},
+    )
     found = MatchRun(
         matching=matching,
         names=names,
         files=(*tables, paths[""]),
-        warnings=(*notes, *tracked.warnings, *pose_notes(measured), *doubts(matching)),
+        warnings=(*notes, *_told(twice), *tracked.warnings, *pose_notes(measured), *doubts(matching)),
         seconds={**tracked.seconds, **clock.seconds},
     )
     return found, {**tables, paths[""]: new}
@@ -125,6 +141,12 @@ def doubts(matching: Matching) -> tuple[str, ...]:
     if not matching.pairs:
         found.insert(0, "no two tracks are surely of one target")
     return tuple(found)
+
+
+def _told(twice: Mapping[TrackName, TrackName]) -> list[str]:
+    return [
+        f"{track} is left out: it was proposed on the same vehicle as {other.target}" for track, other in twice.items()
+    ]
 
 
 def _all_named(boxes: Mapping[TrackName, Box], names: Mapping[TrackName, str]) -> dict[TrackName, str]:
