@@ -148,17 +148,22 @@ class LandmarkSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetSettings:
-    """One `[targets.NAME]` table; `boxes` by camera. An `order` that is given means a polynomial.
+    """One `[targets.NAME]` table; `labels` are its boxes by camera, in order of their frames.
 
-    on_ground, above_ground_m  it stays so high above the ground of `[ground]`
+    An `order` that is given means a polynomial. on_ground, above_ground_m: it stays so high above the ground.
     """
 
     name: str
     motion: MotionAsked = "auto"
     order: int | Literal["auto"] = "auto"
-    boxes: Mapping[str, Box] = field(default_factory=dict)
     on_ground: bool = False
     above_ground_m: float = 0.0
+    labels: Mapping[str, tuple[Box, ...]] = field(default_factory=dict)
+
+    @property
+    def boxes(self) -> Mapping[str, Box]:
+        """The first box by camera."""
+        return {camera: boxes[0] for camera, boxes in self.labels.items()}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,12 +21,13 @@ from pipeline.solver.observation.known_motion import NO_SHARED, KnownMotion
 from pipeline.solver.observation.motion_basis import MotionBasis, TargetBasis
 from pipeline.solver.observation.observations import Frames
 
-ROW_S, MOST_ROWS = 0.3, 400
-"""Time between the rows of a target on the ground, as splines' knots, and how many it has at most."""
+ROW_S, MOST_ROWS = 0.1, 1200
+"""Time between the rows of a target on the ground, a third of that between splines' knots, so that none can swing
+between rows; and how many it has at most."""
 SMOOTH_S = 0.8
 """Standard deviation in time of the mean over the ground along a way. Bumps that pass in a second are gone, of those
 that pass in four seconds half is left, about what a spline of white jerk follows. With half as much, hills bend it."""
-ROW_M = 0.1
+ROW_M = 0.17
 """Metres, of every row: springs, stones, what a smooth motion does otherwise than a mean of the ground."""
 MOST_KNOTS = 40
 """Of the roughness along one target's way: beyond, it is alike for longer than a cell."""
