@@ -29,6 +29,13 @@ class Check:
 
 CHECKS = (
     Check(
+        name="ground",
+        module="check_ground",
+        minutes=60,
+        says="one camera over cars on level and hilly ground: errors against claims, hovering and flying",
+        needs="the extra terrain",
+    ),
+    Check(
         name="demo",
         module="check_demo",
         minutes=3,

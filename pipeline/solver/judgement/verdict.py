@@ -297,6 +297,11 @@ REMARKED = {
 def _spoken(findings: Iterable[Finding]) -> list[Reason]:
     grades: dict[str, tuple[Grade, str]] = {kind: ("care", advice) for kind, advice in SPOKEN.items()}
     grades |= {kind: ("good", advice) for kind, advice in REMARKED.items()}
+    grades["uneven-ground"] = (
+        "bad",
+        "use a second camera, or level ground: this is a known limit (docs/flight-file.md)",
+    )
+    grades["ground-gap"] = ("care", "take a terrain model without voids there, one that covers the whole way")
     return [
         Reason(kind=f.kind, subject=f.subject, words=f.words, grade=grades[f.kind][0], advice=grades[f.kind][1])
         for f in findings

@@ -37,6 +37,8 @@ ALIKE = 3.5
 """Length of a mean, in its standard deviations: what it takes away is alike within."""
 BEFORE_AFTER_S: Floats = SMOOTH_S * np.linspace(-2, 2, 9)
 WEIGHT: Floats = np.exp(-0.5 * np.linspace(-2, 2, 9) ** 2) / np.exp(-0.5 * np.linspace(-2, 2, 9) ** 2).sum()
+UNEVEN = 0.02
+"""Root mean square slope along a way from which on a single camera's distances are not believed."""
 SAMPLES = 4
 """Places for every coefficient, where a motion is laid through a way."""
 
@@ -208,7 +210,7 @@ def _smooth(t: TargetBasis) -> Floats:
 
 
 def ground_gaps(problem: Problem, model: Model, state: State) -> tuple[Finding, ...]:
-    """A finding for every target on the ground that is, at some of its sightings, where the ground is not known."""
+    """Findings about targets on the ground: where it is not known, or too uneven for a single camera."""
     if problem.ground is None or model.known is None:
         return ()
     out, frames = [], model.frames
@@ -218,7 +220,13 @@ def ground_gaps(problem: Problem, model: Model, state: State) -> tuple[Finding, 
             continue
         rows = np.flatnonzero(frames.seen[:, n])
         place = model.basis.position(time[rows], state.coefficients)[:, n]
-        missing = ~problem.ground.at(place[:, :2]).known
+        found = problem.ground.at(place[:, :2])
+        steep = float(np.sqrt((found.slope**2).sum(axis=1).mean()))
+        if len(np.unique(frames.camera[rows])) == 1 and steep > UNEVEN:
+            words = f"{target.target} is seen by one camera alone, over ground of {100 * steep:.0f} % slope: there its"
+            words += " distance has been found several of its sigmas off"
+            out.append(Finding(kind="uneven-ground", subject=target.target, words=words))
+        missing = ~found.known
         if missing.any():
             where = "; ".join(_stretches(frames, rows[missing]))
             words = f"{target.target} is where {problem.ground.source} has no height ({where}): only sight rays and "
