@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.records import DepthRange, Finding, Grade, Problem, Reason, Solution, Verdict, worst
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.changes import FREED
@@ -305,6 +306,17 @@ def with_findings(solution: Solution, findings: tuple[Finding, ...]) -> Solution
     reasons = (*solution.verdict.reasons, *_spoken(findings))
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=reasons)
     return replace(solution, findings=(*findings, *solution.findings), verdict=verdict)
+
+
+def with_refusal(solution: Solution, error: GeometryError) -> Solution:
+    """The solution with what its geometry seems to leave open, last among the reasons."""
+    reason = Reason(
+        kind="undetermined", subject=error.where.removeprefix("target ").removeprefix("camera "), grade="bad",
+        words=f"as solved, {error.where} is not determined: {error.seen}; that may be false where more contradicts it",
+        advice=error.advice,
+    )  # fmt: skip
+    verdict = Verdict(grade="bad", reasons=(*solution.verdict.reasons, reason))
+    return replace(solution, verdict=verdict)
 
 
 def _depths(depths: Iterable[DepthRange]) -> list[Reason]:

@@ -42,7 +42,7 @@ from pipeline.solver.uncertainty.covariance import Inverse, sandwich
 
 ROUNDS, SETTLED = 4, 0.05
 """Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
-WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
+WARM, ROUGHLY, FINELY = 1e-9, 1e-5, 1e-7
 """Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
 still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
 
@@ -134,7 +134,7 @@ def with_bounded_loss(fit: Fit, settings: SolverSettings, descent: Descent) -> t
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
     """More iterations from where a fit ended."""
-    again = levenberg_marquardt(fit.model, fit.state, descent, small=small)
+    again = levenberg_marquardt(fit.model, fit.state, descent, small=small, begun=fit.linear)
     return replace(again, iterations=fit.iterations + again.iterations)
 
 

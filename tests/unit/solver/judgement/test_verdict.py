@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pipeline.records import Problem, Solution, SolverSettings, TargetInput
+from calibration.foundation.errors import GeometryError
+from pipeline.records import Finding, Problem, Solution, SolverSettings, TargetInput
 from pipeline.solver import solve
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import simulate
@@ -92,6 +94,28 @@ def test_priors_ten_times_too_small_are_named() -> None:
     verdict = solved(problem).verdict
     assert verdict.grade != "good"
     assert any("attitude" in r.kind and "its prior says 0.3" in r.words for r in verdict.reasons[:2]), verdict.reasons
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_what_a_solution_that_does_not_fit_says_of_geometry_refuses_nothing(
+    wrong: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def undetermined(*_: object, clocks: object = (), **__: object) -> tuple[Finding, ...]:
+        if clocks:
+            raise GeometryError(where="target target1", seen="s", expected="e", advice="a")
+        return ()
+
+    monkeypatch.setattr(sys.modules["pipeline.solver.solve"], "find_degeneracies", undetermined)
+    flight = mistaken.right_flight(1, targets=1)
+    problem = mistaken.turned(flight, "uav2", np.array([0, 12, 0])) if wrong else flight
+    if not wrong:
+        with pytest.raises(GeometryError):
+            solved(problem)
+        return
+    verdict = solved(problem).verdict
+    assert verdict.grade == "bad"
+    assert verdict.reasons[-1].kind == "undetermined"
+    assert any("uav2" in r.subject for r in verdict.reasons[:2])
 
 
 def test_nothing_is_applied() -> None:
