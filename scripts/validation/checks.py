@@ -239,6 +239,20 @@ CHECKS = (
         says="the same on a local Dask cluster",
     ),
     Check(
+        name="kills",
+        module="check_kills",
+        arguments=("--kills", "100"),
+        minutes=180,
+        says="run, solve, track, calibrate and batch killed at 100 random moments each: the same bytes",
+    ),
+    Check(
+        name="fuzz",
+        module="fuzz",
+        minutes=115,
+        says="every kind of input for ten minutes each, made as coverage leads: crashes, hangs, memory",
+        needs="the extra `fuzz`",
+    ),
+    Check(
         name="verdict",
         module="check_verdict",
         minutes=40,
