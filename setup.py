@@ -1,4 +1,4 @@
-"""Builds the compiled loops ahead of time; everything else stands in pyproject.toml.
+"""The compiled loops, built ahead of time (`native/build.py`); everything else stands in pyproject.toml.
 
 Where no C compiler is found the installation goes on without: numba then compiles loops as they are first called.
 """
@@ -8,24 +8,10 @@ import sys
 from pathlib import Path
 
 from setuptools import Extension, setup
-from setuptools.command.build_ext import build_ext
 
-ROOT = Path(__file__).resolve().parent
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from native.units import FLAGS, NAME, PACKAGE, WIDE, written  # noqa: E402
-
-
-class BuildLoops(build_ext):
-    """Writes the C text of every extension before it is compiled."""
-
-    def build_extension(self, ext: Extension) -> None:
-        """One extension; its text goes to the build folder."""
-        source = Path(self.build_temp) / f"{ext.name.rpartition('.')[2]}.c"
-        source.parent.mkdir(parents=True, exist_ok=True)
-        source.write_text(written(ROOT, source.stem), encoding="utf-8")
-        ext.sources = [str(source)]
-        super().build_extension(ext)
+from native.units import FLAGS, NAME, PACKAGE, WIDE
 
 
 def extensions() -> list[Extension]:
@@ -38,4 +24,4 @@ def extensions() -> list[Extension]:
     ]
 
 
-setup(ext_modules=extensions(), cmdclass={"build_ext": BuildLoops})
+setup(ext_modules=extensions())

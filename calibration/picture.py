@@ -10,7 +10,8 @@ radial ones stay.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +34,13 @@ class Picture:
     size           (width, height) in pixels, as they are shown
     turned_deg     clockwise, from the pixels as they are stored, by the file's rotation tag: 0, 90, 180, 270
     sample_aspect  width over height of a pixel
+    said           what the file says of its camera ("maker", "camera"), where it says anything
     """
 
     size: tuple[int, int]
     turned_deg: int = 0
     sample_aspect: float = 1.0
+    said: Mapping[str, str] = field(default_factory=dict, compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +158,21 @@ def fitted(
     else:
         raise _other_size(camera, picture, file, video, where)
     _refuse_pixel_shape(made, picture, file, video, where)
-    return made
+    other = _other_camera(camera, picture, file, video)
+    return replace(made, made={**made.made, OTHER_CAMERA: other}) if other else made
+
+
+OTHER_CAMERA = "other_camera"
+"""Key of `made` under which stands, in words, that the video says another camera than the camera file; see `doubts`."""
+
+
+def _other_camera(camera: CameraModel, picture: Picture, file: Path, video: Path) -> str:
+    """A sentence where both say which model took them, and not the same; names may be part of one another."""
+    mine, theirs = (str(said.get("camera", "")).strip() for said in (camera.made, picture.said))
+    a, b = mine.casefold(), theirs.casefold()
+    if not a or not b or a in b or b in a:
+        return ""
+    return f"{file.name} was made with photos by {mine!r}, and {video.name} says {theirs!r}: is it this camera's file?"
 
 
 def for_pictures(

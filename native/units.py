@@ -9,7 +9,7 @@ from native.translate import Program, read_unit
 from native.wrappers import c_file
 
 PACKAGE = "pipeline.solver.adjustment"
-FILES = ("_lanes", "_kernels", "_descent", "_assembly", "log_poses")
+FILES = ("_lanes", "_kernels", "_descent", "_assembly", "_band", "log_poses")
 NAME = "_native"
 WIDE = {"_native_avx2": ("-march=x86-64-v3",)}
 """Beside the one for every processor of the kind: for those with AVX2 and FMA, some three times as fast."""
@@ -29,10 +29,10 @@ def sources(root: Path) -> list[Path]:
 
 
 def stamp(root: Path) -> str:
-    """A hash of their text: an extension built of other text is not used."""
+    """A hash of their text, wherever it is installed: an extension built of other text is not used."""
     digest = hashlib.sha256()
     for path in sources(root):
-        digest.update(path.read_bytes().replace(b"\r\n", b"\n"))
+        digest.update(path.read_bytes().replace(b"\r\n", b"\n").replace(b"from runningfix.", b"from "))
     return digest.hexdigest()
 
 

@@ -254,7 +254,7 @@ def _wrapper(program: Program, name: str, names: list[str], kinds: list[Type], c
 
 
 def c_file(program: Program, module: str, stamp: str, best: str) -> str:
-    """The whole extension `module`; every exported function is an attribute "MODULE:NAME" of it.
+    """The whole extension `module`; every exported function is an attribute "FILE:NAME" of it.
 
     `best` is the extension to use instead on processors with AVX2 and FMA.
     """
@@ -273,7 +273,9 @@ def c_file(program: Program, module: str, stamp: str, best: str) -> str:
     for place, name, kinds, c_name, result in exported:
         names = [a.arg for a in program.units[place].functions[name].args.args]
         out.append(_wrapper(program, name, names, kinds, c_name, result))
-        methods.append(f'    {{ "{place}:{name}", (PyCFunction)(void (*)(void))py_{c_name}, METH_FASTCALL, NULL }},')
+        methods.append(
+            f'    {{ "{place.rpartition(".")[2]}:{name}", (PyCFunction)(void (*)(void))py_{c_name}, METH_FASTCALL, NULL }},'
+        )
     out.append("static PyMethodDef methods[] = {\n" + "\n".join(methods) + "\n    { NULL, NULL, 0, NULL }\n};")
     out.append(f"""
 static struct PyModuleDef definition = {{ PyModuleDef_HEAD_INIT, "{module}", NULL, -1, methods, NULL, NULL, NULL, NULL }};

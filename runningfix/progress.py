@@ -5,36 +5,31 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from importlib.util import find_spec
 
-from tqdm import tqdm
-
-from calibration.foundation.progress import Progress
+from calibration.foundation.progress import Progress, silent
 
 
 @contextmanager
 def bars(given: Progress | None) -> Iterator[Progress]:
     """`given`, or else a bar for each stage while this lasts."""
-    if given is not None:
-        yield given
+    if given is not None or not _watched():
+        yield given or silent
         return
-    shown: dict[str, tqdm[Any]] = {}
+    from rich import progress
+    from rich.console import Console
 
-    def tell(stage: str, done: int, total: int) -> None:
-        if stage not in shown:
-            shown[stage] = tqdm(total=total or None, desc=stage, disable=not _watched(), leave=False)
-        bar = shown[stage]
-        bar.update(done - bar.n)
-        if total and done >= total:
-            bar.close()
+    tasks: dict[str, progress.TaskID] = {}
+    with progress.Progress(console=Console(stderr=True), transient=True) as shown:
 
-    try:
+        def tell(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = shown.add_task(stage, total=total or None)
+            shown.update(tasks[stage], completed=done, total=total or None)
+
         yield tell
-    finally:
-        for bar in shown.values():
-            bar.close()
 
 
 def _watched() -> bool:
-    """Whether somebody sees standard error: a terminal, or a notebook's cell."""
-    return "ipykernel" in sys.modules or sys.stderr.isatty()
+    """Whether somebody sees it: a terminal, or a notebook that can show bars."""
+    return sys.stderr.isatty() or ("ipykernel" in sys.modules and find_spec("ipywidgets") is not None)

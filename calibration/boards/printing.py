@@ -54,6 +54,50 @@ def board_page(board: Board) -> tuple[float, float, float, tuple[Rectangle, ...]
     return width + 2 * margin, height + 2 * margin, margin, (*shapes, (margin, height + 1.6 * margin, bar, 0.5))
 
 
+PAPERS_MM = {
+    "A4": (210.0, 297.0), "US Letter": (215.9, 279.4), "A3": (297.0, 420.0), "US Tabloid": (279.4, 431.8),
+    "A2": (420.0, 594.0), "A1": (594.0, 841.0), "A0": (841.0, 1189.0),
+}  # fmt: skip
+HOME_PAPERS = ("A4", "US Letter")
+PAPER_BORDER_MM = 5.0
+"""What most printers leave white on every side."""
+
+
+def papers(board: Board) -> tuple[str, ...]:
+    """Names of the papers onto which the board and its scale bar print at 100 %, the smallest first."""
+    least, most = sorted(_printed_mm(board))
+    return tuple(
+        name
+        for name, (short, long) in PAPERS_MM.items()
+        if least <= short - 2 * PAPER_BORDER_MM and most <= long - 2 * PAPER_BORDER_MM
+    )
+
+
+def _printed_mm(board: Board) -> tuple[float, float]:
+    """Width and height of what is printed; the margin around it is the paper's own white."""
+    width, _, margin, shapes = board_page(board)
+    return width - 2 * margin, max(y + h for _, y, _, h in shapes) - margin
+
+
+def paper_in_words(board: Board) -> str:
+    """On which paper the board prints, and where that is none that people have, what to do."""
+    width, height, _, _ = board_page(board)
+    fit = papers(board)
+    page = f"the page is {width:.0f} x {height:.0f} mm"
+    if any(name in HOME_PAPERS for name in fit):
+        return f"{page}; it prints on {fit[0]} or larger"
+    least, most = sorted(_printed_mm(board))
+    short, long = (side - 2 * PAPER_BORDER_MM for side in PAPERS_MM["A4"])
+    square = int(board.square_m * 1000 * min(short / least, long / most))
+    smaller = f"squares of {square} mm would print on A4" if square >= 5 else "fewer squares would print on A4"
+    needs = f"it needs {fit[0]} ({_by(fit[0])})" if fit else f"it prints on no paper up to A0 ({_by('A0')})"
+    return f"{page}: it does not fit A4 ({_by('A4')}) or US Letter; {needs}. At a print shop, or: {smaller}"
+
+
+def _by(paper: str) -> str:
+    return f"{PAPERS_MM[paper][0]:g} x {PAPERS_MM[paper][1]:g} mm"
+
+
 def caption(board: Board) -> str:
     """What is printed under the board, so that nobody has to guess later."""
     kind = (

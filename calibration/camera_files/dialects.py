@@ -6,6 +6,7 @@ size, and the name of a lens model.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,23 +18,37 @@ from calibration.foundation.arrays import Floats
 
 MATRIX_KEYS = (
     "K", "camera_matrix", "K-matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "camera_intrinsic_matrix",
-    "intrinsic_matrix", "intrinsics", "intrinsic", "matrix", "mtx", "k",
+    "intrinsic_matrix", "intrinsics_matrix", "intrinsicMatrix", "intrinsics", "intrinsic", "matrix", "mtx", "CameraMat",
+    "camera_mat", "camera_mtx", "k",
 )  # fmt: skip
 DISTORTION_KEYS = (
     "distortion", "distortion_coefficients", "distCoeff", "distCoeffs", "dist_coeffs", "dist_coeff",
     "Distortion_Coefficients", "DistortionCoefficients", "distortion_coefficents", "distortion_coeffs", "distortions",
-    "dist", "D", "d",
+    "DistCoeff", "DistCoeffs", "distCoef", "dist_coefs", "dist_coef", "distortion_vector", "distortion_parameters",
+    "coeffs", "dist", "D", "d",
 )  # fmt: skip
-SIZE_KEYS = ("image_size", "resolution", "size", "imageSize", "image_resolution", "img_size")
-SIDE_KEYS = (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height"), ("w", "h"))
+SIZE_KEYS = (
+    "image_size", "resolution", "size", "imageSize", "ImageSize", "image_resolution", "img_size", "image_dimension",
+)  # fmt: skip
+SIDE_KEYS = (
+    ("image_width", "image_height"), ("image_Width", "image_Height"), ("imageWidth", "imageHeight"),
+    ("img_width", "img_height"), ("width", "height"), ("w", "h"),
+)  # fmt: skip
 LENSES: Mapping[str, Lens] = {
     "": "pinhole", "none": "pinhole", "pinhole": "pinhole", "plumb_bob": "pinhole", "radtan": "pinhole",
     "rational_polynomial": "pinhole", "rational": "pinhole", "brown": "pinhole", "opencv": "pinhole",
     "perspective": "pinhole", "radial-tangential": "pinhole", "radialtangential": "pinhole", "brown-conrady": "pinhole",
+    "radial_tangential": "pinhole", "brown_conrady": "pinhole", "full_opencv": "pinhole", "standard": "pinhole",
+    "thin_prism": "pinhole", "tilted": "pinhole",
     "fisheye": "fisheye", "equidistant": "fisheye", "equi": "fisheye", "kannala_brandt": "fisheye",
     "kannalabrandt": "fisheye", "kannalabrandt8": "fisheye", "kannala-brandt": "fisheye", "kb4": "fisheye",
     "opencv_fisheye": "fisheye",
 }  # fmt: skip
+TERMS: Mapping[Lens, tuple[str, ...]] = {
+    "pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"),
+    "fisheye": ("k1", "k2", "k3", "k4"),
+}
+"""Coefficients by name, in OpenCV's order."""
 SAYS_LITTLE = frozenset(["", "none", "pinhole", "perspective"])
 """Names that leave open how the lens bends: a pinhole, unless another key says fisheye."""
 
@@ -66,13 +81,30 @@ def camera_from(fields: Mapping[str, Any], made: Mapping[str, Any]) -> CameraMod
 
 
 def _first(fields: Mapping[str, Any], keys: tuple[str, ...]) -> tuple[str, Any] | None:
-    return next(((key, fields[key]) for key in keys if fields.get(key) is not None), None)
+    """The first of `keys` that is there. Raises NotACamera where another one says otherwise."""
+    found = [(key, fields[key]) for key in keys if fields.get(key) is not None]
+    for key, value in found[1:]:
+        if _differ(found[0][1], value):
+            raise NotACamera(key, f"other numbers than under {found[0][0]}", "one of the two")
+    return found[0] if found else None
+
+
+def _differ(one: object, other: object) -> bool:
+    """Whether both are numbers, as many, and not the same."""
+    try:
+        a, b = (np.ravel(np.asarray(v["data"] if isinstance(v, Mapping) else v, dtype=float)) for v in (one, other))
+    except (KeyError, TypeError, ValueError):
+        return False
+    return a.shape == b.shape and not np.allclose(a, b, rtol=1e-9, atol=0, equal_nan=True)
 
 
 def _numbers(key: str, value: object) -> Floats:
     """The numbers in a list, a nested list or an OpenCV / ROS matrix mapping; refuses NaN and text."""
     if isinstance(value, Mapping) and "data" in value:
-        value = value["data"]
+        rows, cols, data = value.get("rows"), value.get("cols"), value["data"]
+        if isinstance(rows, int | float) and isinstance(cols, int | float) and rows * cols != np.size(data):
+            raise NotACamera(key, f"{np.size(data)} numbers", f"{rows:g} x {cols:g}, as rows and cols say")
+        value = data
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -91,6 +123,8 @@ def _lens(fields: Mapping[str, Any]) -> Lens:
             raise NotACamera(key, repr(flag), "true or false")
         if flag in (True, 1) or str(flag).lower() == "true":
             said["fisheye"] = key
+        elif flag is not None:
+            said["pinhole"] = key
     for key in ("distortion_model", "camera_model", "model"):
         name = str(fields.get(key) or "").strip().lower()
         if name not in LENSES:
@@ -98,7 +132,7 @@ def _lens(fields: Mapping[str, Any]) -> Lens:
         if name not in SAYS_LITTLE:
             said[LENSES[name]] = key
     if len(said) > 1:
-        raise NotACamera(said["fisheye"], f"a fisheye, while {said['pinhole']} says a pinhole", "one kind of lens")
+        raise NotACamera(said["fisheye"], f"a fisheye, while {said['pinhole']} says it is none", "one kind of lens")
     return next(iter(said), "pinhole")
 
 
@@ -150,6 +184,8 @@ def _distortion(fields: Mapping[str, Any], lens: Lens) -> Floats:
     if found is None:
         raise NotACamera("distortion", "no distortion coefficients", "a list, [] where the lens has none")
     key, value = found
+    if isinstance(value, Mapping) and "data" not in value:
+        value = named_terms(value, lens, key)
     flat = _numbers(key, value).ravel()
     if len(flat) in (1, 2) and lens == "pinhole":
         flat = np.concatenate([flat, np.zeros(4 - len(flat))])
@@ -159,15 +195,40 @@ def _distortion(fields: Mapping[str, Any], lens: Lens) -> Floats:
     return flat
 
 
+def named_terms(terms: Mapping[str, Any], lens: Lens, key: str) -> list[Any]:
+    """Coefficients that stand by name (k1, p1 ...), in OpenCV's order; those that are not there are 0."""
+    unknown = [name for name in terms if name not in TERMS[lens]]
+    if unknown or not terms:
+        what = f"coefficients {', '.join(map(str, unknown))}" if unknown else "no coefficients"
+        raise NotACamera(key, what, f"{', '.join(TERMS[lens][:5])} for a {lens} lens, or a list in OpenCV's order")
+    values = [terms.get(name, 0.0) for name in TERMS[lens]]
+    given = max(i for i, name in enumerate(TERMS[lens]) if name in terms) + 1
+    return values[: 4 if lens == "fisheye" else next(n for n in PINHOLE_TERMS if n >= given)]
+
+
 def _size(fields: Mapping[str, Any]) -> tuple[int, int]:
+    sides = next(
+        (pair for pair in SIDE_KEYS if fields.get(pair[0]) is not None and fields.get(pair[1]) is not None), None
+    )
+    by_sides = None if sides is None else _whole_sides(" and ".join(sides), [fields[side] for side in sides])
     found = _first(fields, SIZE_KEYS)
-    if found is not None:
-        key, value = found
-    else:
-        sides = next((pair for pair in SIDE_KEYS if pair[0] in fields and pair[1] in fields), None)
-        if sides is None:
-            return UNKNOWN_SIZE
-        key, value = " and ".join(sides), [fields[side] for side in sides]
+    if found is None:
+        return by_sides or UNKNOWN_SIZE
+    key, value = found
+    if isinstance(value, Mapping) and "data" not in value:
+        value = next(([value[a], value[b]] for a, b in SIDE_KEYS if a in value and b in value), value)
+    if isinstance(value, str) and (text := re.fullmatch(r"\s*(\d+)\s*[xX*,]\s*(\d+)\s*", value)):
+        value = [int(text[1]), int(text[2])]
+    size = _whole_sides(key, value)
+    if by_sides is not None and by_sides != size:
+        assert sides is not None
+        raise NotACamera(
+            key, f"{size[0]} x {size[1]}, {' and '.join(sides)} {by_sides[0]} and {by_sides[1]}", "one size"
+        )
+    return size
+
+
+def _whole_sides(key: str, value: object) -> tuple[int, int]:
     numbers = _numbers(key, value).ravel()
     if len(numbers) != 2 or (numbers % 1 != 0).any() or (numbers < 0).any() or (numbers == 0).sum() == 1:
         raise NotACamera(key, str(numbers.tolist()), "width and height, two whole numbers above 0")

@@ -13,10 +13,15 @@ from typing import Any
 from calibration.camera_files.yaml_document import parse_yaml
 
 COLMAP, MRCAL, PIX4D, XML_ROOT = "colmap cameras", "lensmodel", "pix4d cam", "xml root"
+MATLAB_SCRIPT = "matlab script"
 """Keys under which documents that are not of nested mappings stand; the second is mrcal's own."""
+
+XML_TELLS = ("DewarpData", "stCamera")
+"""Words that tell whose XML it is where the root element does not."""
 
 _COLMAP_LINE = re.compile(r"\d+\s+[A-Z][A-Z_0-9]+\s+\d+\s+\d+(\s+[-+.\deE]+)+\s*")
 _TOML_LINE = re.compile(r"(\[\[?[^\[\]]+\]\]?|[\w.\"'-]+\s*=.*)\s*(#.*)?")
+_BOUGUET_LINE = re.compile(r"^\s*(fc|cc|kc)\s*=\s*\[([-+.\deE\s;,]+)\]\s*;", re.MULTILINE)
 _PIX4D_LINE = re.compile(r"(FOCAL|XPOFF|YPOFF|CAM_WIDTH|RADIAL_K1)\s+[-+.\deE]+\s*")
 
 
@@ -30,13 +35,29 @@ def document_in(text: str, suffix: str) -> tuple[str, Any]:
         return "XML", _xml(text)
     if lines and all(_COLMAP_LINE.fullmatch(line) for line in lines):
         return "COLMAP", {COLMAP: lines}
-    if sum(bool(_PIX4D_LINE.fullmatch(line)) for line in lines) >= 3:
+    if start.startswith("Pix4D") or sum(bool(_PIX4D_LINE.fullmatch(line)) for line in lines) >= 3:
         return "Pix4D", {PIX4D: lines}
+    if len(re.findall(_BOUGUET_LINE, text)) >= 2:
+        return "MATLAB", _bouguet_script(text)
+    if re.search(r"^\s*(%|function\b)", text, re.MULTILINE) and suffix == ".m":
+        return "MATLAB", {MATLAB_SCRIPT: text[:60]}
     if suffix == ".toml" or _TOML_LINE.fullmatch(start):
         return "TOML", tomllib.loads(text)
     if start[:1] in "{[":
         return "JSON", _json(text)
     return "YAML", parse_yaml(text)
+
+
+def _bouguet_script(text: str) -> Any:
+    """The lists of numbers that a Calib_Results.m of Bouguet's toolbox sets; its skew and size are plain numbers."""
+    _refuse_twice(name for name, _ in re.findall(_BOUGUET_LINE, text))
+    found: dict[str, Any] = {
+        name: [float(word) for word in re.split(r"[\s;,]+", values.strip(" ;,"))]
+        for name, values in re.findall(_BOUGUET_LINE, text)
+    }
+    for name, value in re.findall(r"^\s*(nx|ny|alpha_c)\s*=\s*([-+.\deE]+)\s*;", text, re.MULTILINE):
+        found[name] = float(value)
+    return found
 
 
 def _json(text: str) -> Any:
@@ -80,7 +101,8 @@ def _xml(text: str) -> Any:
         raise ValueError(str(error)) from None
     name = root.tag.rsplit("}", 1)[-1]
     if name != "opencv_storage":
-        return {XML_ROOT: name, "parts": sorted({child.tag.rsplit("}", 1)[-1] for child in root.iter()})}
+        parts = sorted({child.tag.rsplit("}", 1)[-1] for child in root.iter()})
+        return {XML_ROOT: name, "parts": parts, "told": tuple(word for word in XML_TELLS if word in text)}
     return _xml_value(root)
 
 

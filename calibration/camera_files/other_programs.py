@@ -16,7 +16,7 @@ CORNER_PX = 0.5
 
 def gyroflow(fields: Fields) -> Mapping[str, Fields]:
     """A lens profile: K is that of `calib_dimension`, whatever size the clip had."""
-    lens, size = fields["fisheye_params"], fields.get("calib_dimension")
+    lens, size = fields.get("fisheye_params"), fields.get("calib_dimension")
     model = str(fields.get("distortion_model") or "").lower()
     if not isinstance(lens, Mapping) or not isinstance(size, Mapping) or "w" not in size or "h" not in size:
         raise NotACamera("calib_dimension", "a gyroflow profile without the size it is for", "its w and h, in pixels")
@@ -24,6 +24,8 @@ def gyroflow(fields: Fields) -> Mapping[str, Fields]:
         not model and fields.get("use_opencv_fisheye") is False
     ):
         raise NotACamera("distortion_model", f"gyroflow's {model or 'own lens model'}", "opencv_fisheye")
+    if fields.get("interpolations"):
+        raise NotACamera("interpolations", "a gyroflow profile of a zoom lens", "a profile of one focal length")
     stretched = [key for key in _STRETCH if fields.get(key) not in (None, 0, 1, 1.0)]
     if stretched or fields.get("digital_lens"):
         what = stretched[0] if stretched else "digital_lens"
@@ -65,31 +67,39 @@ def _listed(fields: Fields, *keys: str) -> list[Any]:
 
 
 def orb_slam(fields: Fields) -> Mapping[str, Fields]:
-    """ORB-SLAM's settings: `Camera.type`, then Camera.fx or (version 3) Camera1.fx and Camera2.fx."""
-    model = str(fields["Camera.type"]).lower()
-    if model not in ("pinhole", "kannalabrandt8"):
-        raise NotACamera("Camera.type", repr(fields["Camera.type"]), "PinHole or KannalaBrandt8")
+    """ORB-SLAM's settings: `Camera.type` (version 2: none, a pinhole), then Camera.fx or (version 3) Camera1.fx ...
+
+    OpenVSLAM has them too: `Camera.model`, Camera.cols, Camera.rows.
+    """
+    key = "Camera.model" if "Camera.model" in fields else "Camera.type"
+    model = _ORB_LENSES.get(str(fields.get(key, "pinhole")).lower())
+    if model is None:
+        raise NotACamera(key, repr(fields[key]), "PinHole or KannalaBrandt8")
     found: dict[str, Fields] = {}
     for head in ("Camera", "Camera1", "Camera2"):
         if f"{head}.fx" not in fields:
             continue
-        names = ("k1", "k2", "k3", "k4") if model == "kannalabrandt8" else ("k1", "k2", "p1", "p2", "k3")
+        names = ("k1", "k2", "k3", "k4") if model == "fisheye" else ("k1", "k2", "p1", "p2", "k3")
         terms = [fields.get(f"{head}.{name}", 0.0) for name in names]
         size = [
-            fields.get("Camera.width", fields.get("Camera1.width")),
-            fields.get("Camera.height", fields.get("Camera1.height")),
+            next((fields[name] for name in names if name in fields), None)
+            for names in (
+                ("Camera.width", "Camera1.width", "Camera.cols"),
+                ("Camera.height", "Camera1.height", "Camera.rows"),
+            )
         ]
         found[head] = {
             "K": _listed(fields, *(f"{head}.{name}" for name in ("fx", "fy", "cx", "cy"))),
             "distortion": terms,
-            "model": "fisheye" if model == "kannalabrandt8" else "pinhole",
+            "model": model,
             **({"image_size": size} if None not in size else {}),
         }
     if not found:
-        raise NotACamera(
-            "Camera.type", "ORB-SLAM settings without Camera.fx", "Camera.fx, Camera.fy, Camera.cx, Camera.cy"
-        )
+        raise NotACamera(key, "ORB-SLAM settings without Camera.fx", "Camera.fx, Camera.fy, Camera.cx, Camera.cy")
     return found
+
+
+_ORB_LENSES = {"pinhole": "pinhole", "perspective": "pinhole", "kannalabrandt8": "fisheye", "fisheye": "fisheye"}
 
 
 def okvis(fields: Fields) -> Mapping[str, Fields]:
@@ -163,6 +173,13 @@ def colmap(fields: Fields) -> Mapping[str, Fields]:
             dict(zip(names, map(float, values), strict=True)), lens, [int(width), int(height)]
         )
     return found if len(found) > 1 else {"": next(iter(found.values()))}
+
+
+def is_nerfstudio(fields: Fields) -> bool:
+    """Whether focal lengths are named as nerfstudio does, for all pictures or for each."""
+    frames = fields.get("frames")
+    each = frames if isinstance(frames, list) else []
+    return "fl_x" in fields or any(isinstance(frame, Mapping) and "fl_x" in frame for frame in each)
 
 
 def nerfstudio(fields: Fields) -> Mapping[str, Fields]:

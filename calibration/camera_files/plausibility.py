@@ -20,8 +20,16 @@ the image have 1e-4, millimetres 1e-3. Doubled, the widest lenses come near."""
 MOST_FOCAL = 100.0
 """Largest: a view of 0.6 degrees."""
 
-LEAST_FOCAL_PX = 30.0
-"""The same where the file gives no size: no picture is so small."""
+LEAST_FOCAL_PX, LEAST_CENTRE_PX = 60.0, 20.0
+"""Focal length and principal point where the file gives no size: no lens and picture are so small (a thermal camera of
+80 x 60 has 84 and 30), and 35 mm, 18 and 12 mm of a whole frame are."""
+
+EXCHANGED = 0.03
+"""Principal point from the middle of the picture with width and height exchanged, up to which that is the mistake."""
+
+TOLD_TANGENTIAL = 0.02
+"""Tangential terms p1, p2 from which they are told. Lenses have up to 0.005; a fisheye's k3 and k4, and a k3 where the
+order k1, k2, k3, p1, p2 is meant, have 0.01 to 1."""
 
 OFF_CENTRE, FAR_OFF_CENTRE = 0.1, 0.25
 """Principal point from the image's middle, in shares of the side: told, refused. Real lenses: up to 0.05; K of another
@@ -49,6 +57,10 @@ def refuse_impossible(K: Floats, size: tuple[int, int], *, cropped: bool = False
     """
     _refuse_other_layout(K)
     _refuse_other_units(K, size)
+    if size == UNKNOWN_SIZE and min(K[0, 2], K[1, 2]) < LEAST_CENTRE_PX:
+        raise NotACamera(
+            "K", f"a principal point of {K[0, 2]:g}, {K[1, 2]:g}, and no image size", "pixels of the picture"
+        )
     if size != UNKNOWN_SIZE and not cropped:
         _refuse_far_centre(K, size)
 
@@ -87,10 +99,11 @@ def _refuse_other_units(K: Floats, size: tuple[int, int]) -> None:
 
 
 def _refuse_far_centre(K: Floats, size: tuple[int, int]) -> None:
-    if max(off_centre(K, size)) <= FAR_OFF_CENTRE:
+    off, exchanged = max(off_centre(K, size)), max(off_centre(K, size[::-1]))
+    if off <= FAR_OFF_CENTRE and not (off > OFF_CENTRE and exchanged < EXCHANGED):
         return
     words = "is K that of another size, or a part of a larger picture?"
-    if max(off_centre(K, size[::-1])) < OFF_CENTRE:
+    if exchanged < OFF_CENTRE:
         words = "are width and height exchanged?"
     raise NotACamera(
         "K",
@@ -111,11 +124,16 @@ def implied_size(K: Floats) -> str:
     return f"about {2 * K[0, 2] + 1:.0f} x {2 * K[1, 2] + 1:.0f}"
 
 
+TOLD = ("note", "other_camera")
+"""Keys of `made` that hold a sentence for people: of a file without a size, of a video by another camera."""
+
+
 def doubts(camera: CameraModel) -> tuple[str, ...]:
-    """What few cameras have and should be looked at, one sentence each; none where nothing is known of the size."""
-    size, K, words = camera.image_size, camera.K, []
+    """What few cameras have and should be looked at, one sentence each; little where nothing is known of the size."""
+    size, K = camera.image_size, camera.K
+    words = [str(camera.made[key]) for key in TOLD if key in camera.made]
     if size == UNKNOWN_SIZE:
-        return ()
+        return tuple(words)
     if max(off_centre(K, size)) > OFF_CENTRE and "area" not in camera.made:
         words.append(
             f"the principal point {K[0, 2]:.0f}, {K[1, 2]:.0f} is far from the middle of a {size[0]} x {size[1]} image "
@@ -124,6 +142,13 @@ def doubts(camera: CameraModel) -> tuple[str, ...]:
     unequal = float(K[0, 0] / K[1, 1])
     if not 1 / UNEQUAL < unequal < UNEQUAL:
         words.append(f"fx / fy is {unequal:.3f}: were the pictures stretched to another shape?")
+    if camera.model == "pinhole" and len(camera.distortion) >= 4:
+        p1, p2 = camera.distortion[2:4]
+        if max(abs(p1), abs(p2)) > TOLD_TANGENTIAL:
+            words.append(
+                f"tangential terms p1, p2 = {p1:g}, {p2:g} are large: a fisheye's coefficients, or in another order "
+                "than k1, k2, p1, p2, k3?"
+            )
     blind = _blind(camera)
     if blind > 0:
         words.append(

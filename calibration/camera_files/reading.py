@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from calibration.camera import CameraModel
+from calibration.camera_files.binary import arrays_in, refuse_binary
 from calibration.camera_files.dialects import camera_from
 from calibration.camera_files.documents import document_in
+from calibration.camera_files.named_numbers import refuse_bare_numbers
 from calibration.camera_files.plausibility import NotACamera
-from calibration.camera_files.recognition import cameras_in
+from calibration.camera_files.recognition import OWN_FORM, cameras_in
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 
@@ -26,9 +28,9 @@ def read_camera(path: Path, *, camera: str | None = None) -> CameraModel:
     file gives no image size, `image_size` is (0, 0) and `made["note"]` says what cannot be checked.
     Raises InputFileError where the file is missing, cut off, or holds no sensible camera.
     """
-    text = _text(path)
-    format_name, document = _parsed(path, text)
+    raw = read_bytes(path, expected=EXPECTED)
     try:
+        format_name, document = _document(path, raw)
         fields = _one_camera(path, document, camera)
         made = fields.get("made") if isinstance(fields.get("made"), Mapping) else None
         return camera_from(fields, made if made is not None else {"from": f"{path.name} ({format_name})"})
@@ -41,14 +43,22 @@ def read_camera(path: Path, *, camera: str | None = None) -> CameraModel:
         ) from None
 
 
-def _text(path: Path) -> str:
-    raw = read_bytes(path, expected=EXPECTED)
+def _document(path: Path, raw: bytes) -> tuple[str, Any]:
+    """The name of the format and the document. Raises NotACamera or InputFileError where there is none."""
+    arrays = arrays_in(raw)
+    if arrays is not None:
+        return "NumPy", arrays
+    refuse_binary(raw)
+    return _parsed(path, _text(path, raw))
+
+
+def _text(path: Path, raw: bytes) -> str:
     if not raw.strip():
         raise InputFileError(
             where=str(path), seen="an empty file", expected=EXPECTED, advice="calibrate again, or copy the file anew"
         )
     try:
-        return raw.decode("utf-8-sig")
+        return raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
         raise InputFileError(
             where=str(path), seen="not a text file", expected=EXPECTED, advice="check that this is the right file"
@@ -71,6 +81,7 @@ def _parsed(path: Path, text: str) -> tuple[str, Any]:
 def _one_camera(path: Path, document: Any, camera: str | None) -> Mapping[str, Any]:
     cameras = cameras_in(document)
     if not cameras:
+        refuse_bare_numbers(document, OWN_FORM)
         keys = ", ".join(list(document)[:6]) if isinstance(document, Mapping) else type(document).__name__
         raise InputFileError(
             where=str(path),

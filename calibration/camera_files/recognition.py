@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from calibration.camera_files.dialects import MATRIX_KEYS
-from calibration.camera_files.documents import COLMAP, MRCAL, PIX4D, XML_ROOT
+from calibration.camera_files.documents import COLMAP, MATLAB_SCRIPT, MRCAL, PIX4D, XML_ROOT
+from calibration.camera_files.named_numbers import BOUGUET, bouguet, flat, is_flat
 from calibration.camera_files.other_programs import (
     Fields,
     basalt,
@@ -21,6 +22,7 @@ from calibration.camera_files.other_programs import (
     colmap,
     gyroflow,
     is_basalt,
+    is_nerfstudio,
     mrcal,
     nerfstudio,
     okvis,
@@ -96,11 +98,31 @@ def _generic(fields: Fields) -> Mapping[str, Fields]:
 KINDS: tuple[Kind, ...] = (
     Kind(
         name="Agisoft",
-        signs=lambda f: f.get(XML_ROOT) == "calibration" or (XML_ROOT in f and "projection" in f["parts"]),
+        signs=lambda f: (
+            f.get(XML_ROOT) == "calibration"
+            or (XML_ROOT in f and ("projection" in f["parts"] or {"sensor", "calibration"} <= set(f["parts"])))
+        ),
         cameras=_refused(
             "a calibration of Agisoft Metashape",
             "a principal point counted from the middle, and p1 and p2 exchanged",
             "export the calibration from Metashape as OpenCV Camera Calibration (*.xml)",
+        ),
+    ),
+    Kind(
+        name="DJI",
+        signs=lambda f: "DewarpData" in f.get("told", ()),
+        cameras=_refused(
+            "the XMP of a DJI photo",
+            "its DewarpData: a date, fx, fy, the principal point from the middle, k1, k2, p1, p2, k3",
+            f"write the camera as {OWN_FORM}: cx + (width - 1) / 2, cy + (height - 1) / 2; or calibrate it",
+        ),
+    ),
+    Kind(
+        name="Adobe",
+        signs=lambda f: "stCamera" in f.get("told", ()),
+        cameras=_refused(
+            "a lens profile of Adobe (LCP)", "focal lengths in shares of the longer side, and no camera of its own",
+            f"write the camera as {OWN_FORM}, or calibrate it",
         ),
     ),
     Kind(
@@ -130,8 +152,8 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(name="COLMAP", signs=_has(COLMAP), cameras=colmap),
     Kind(name="mrcal", signs=_has(MRCAL), cameras=mrcal),
-    Kind(name="gyroflow", signs=_has("fisheye_params"), cameras=gyroflow),
-    Kind(name="nerfstudio", signs=_has("fl_x"), cameras=nerfstudio),
+    Kind(name="gyroflow", signs=_any("fisheye_params", "calib_dimension"), cameras=gyroflow),
+    Kind(name="nerfstudio", signs=is_nerfstudio, cameras=nerfstudio),
     Kind(
         name="NeRF",
         signs=_has("camera_angle_x"),
@@ -157,10 +179,10 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         name="MATLAB",
-        signs=_any("IntrinsicMatrix", "RadialDistortion"),
+        signs=_any("IntrinsicMatrix", "RadialDistortion", "PrincipalPoint", MATLAB_SCRIPT),
         cameras=_refused(
             "camera parameters of MATLAB",
-            "a transposed matrix whose pixels count from 1, and sizes as rows, columns",
+            "a matrix (IntrinsicMatrix: transposed) whose pixels count from 1, and sizes as rows, columns",
             f"write the camera as {OWN_FORM}: K = IntrinsicMatrix' with 1 off cx and cy, distortion k1, k2, p1, p2",
         ),
     ),
@@ -176,6 +198,22 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(
+        name="Azure Kinect",
+        signs=_any("ModelParameters", "CALIBRATION_InterOp"),
+        cameras=_refused(
+            "a camera of Azure Kinect", "focal lengths and principal point in shares of the image",
+            f"write the camera as {OWN_FORM}",
+        ),
+    ),
+    Kind(
+        name="fisheye script",
+        signs=lambda f: "DIM" in f and "K" in f and not {"model", "fisheye", "distortion_model"} & set(f),
+        cameras=_refused(
+            "DIM, K and D, as scripts for fisheye lenses write them", "no word of which lens model the terms are of",
+            'call DIM image_size, and add "model": "fisheye" (or "pinhole")',
+        ),
+    ),
+    Kind(
         name="omnidirectional",
         signs=lambda f: "xi" in f and any(key in f for key in MATRIX_KEYS),
         cameras=_refused(
@@ -184,7 +222,7 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(name="camodocal", signs=_has("model_type"), cameras=camodocal),
-    Kind(name="ORB-SLAM", signs=_has("Camera.type"), cameras=orb_slam),
+    Kind(name="ORB-SLAM", signs=_any("Camera.type", "Camera.fx", "Camera1.fx"), cameras=orb_slam),
     Kind(
         name="OKVIS",
         signs=lambda f: _length(f.get("focal_length")) == 2 == _length(f.get("principal_point")),
@@ -197,6 +235,8 @@ KINDS: tuple[Kind, ...] = (
         signs=lambda f: any(_may_be_a_matrix(f.get(key)) for key in MATRIX_KEYS) or ("M1" in f and "D1" in f),
         cameras=_generic,
     ),
+    Kind(name="Bouguet", signs=_has(*BOUGUET), cameras=bouguet),
+    Kind(name="numbers by name", signs=is_flat, cameras=flat),
 )  # fmt: skip
 
 

@@ -24,6 +24,9 @@ FINE_STEPS = 2
 """Steps along the edges: the strips are narrow, so that one may not reach."""
 MOST_MOVED, MOST_MOVED_PX = 0.5, 1.5
 """Of the way to the marker, but pixels at least: a corner that wants further is left where OpenCV found it."""
+SQUEEZED, LEAST_STRIP_PX = 0.5, 2.2
+"""Corners of steeply tilted boards (one spacing over the other below the first) whose strip between edge and marker is
+narrower than this are left out: what is left of the edge is mostly noise (0.1 px where others have 0.007)."""
 STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
 
 
@@ -60,7 +63,9 @@ def _view(
         fine = _along_edges(gray, fine, seen, clear, blur)
     far = np.linalg.norm(fine - grid, axis=2) > np.maximum(MOST_MOVED_PX, MOST_MOVED * clear * _spacing(grid))
     fine = np.where(far[..., None], grid, fine)
+    weak = _squeezed(grid, clear) | _unrefined(fine, grid, seen)
     good = in_line(fine)[seen] if min(grid.shape[:2]) >= LEAST_SIDE else np.ones(len(ids), bool)
+    good = good & ~weak[seen]
     if good.sum() < LEAST_CORNERS:
         return None
     return BoardView(
@@ -99,6 +104,26 @@ def _spacing(grid: Floats) -> Floats:
     near[:, 1:], near[:, :-1] = np.minimum(near[:, 1:], across), np.minimum(near[:, :-1], across)
     near[1:], near[:-1] = np.minimum(near[1:], down), np.minimum(near[:-1], down)
     return np.asarray(np.maximum(near, 1.0))
+
+
+def _squeezed(grid: Floats, clear: float) -> Bools:
+    """(rows, cols) corners of a board so steep that hardly a strip is left between their edges and the markers."""
+    across, down = np.full(grid.shape[:2], np.nan), np.full(grid.shape[:2], np.nan)
+    if grid.shape[1] > 1:
+        step = np.linalg.norm(np.diff(grid, axis=1), axis=2)
+        across = np.concatenate([step, step[:, -1:]], axis=1)
+    if grid.shape[0] > 1:
+        step = np.linalg.norm(np.diff(grid, axis=0), axis=2)
+        down = np.concatenate([step, step[-1:]], axis=0)
+    near = _spacing(grid)
+    steep = near < SQUEEZED * np.fmax(across, down)
+    return np.asarray(steep & (EDGE_SHARE * clear * near < LEAST_STRIP_PX))
+
+
+def _unrefined(fine: Floats, grid: Floats, seen: Bools) -> Bools:
+    """(rows, cols) corners that stayed where OpenCV found them, where most others of the photo did not."""
+    stayed = np.all(fine == grid, axis=2)
+    return np.asarray(stayed & (2 * stayed[seen].sum() < seen.sum()))
 
 
 def _windowed(gray: cv2.typing.MatLike, grid: Floats, seen: Bools, clear: float) -> Floats:

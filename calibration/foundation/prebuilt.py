@@ -43,16 +43,18 @@ def stamp(extension: Any) -> str:
     digest = hashlib.sha256()
     for name in extension.files.split():
         try:
-            digest.update((Path(extension.__file__).parent / name).read_bytes().replace(b"\r\n", b"\n"))
+            text = (Path(extension.__file__).parent / name).read_bytes().replace(b"\r\n", b"\n")
         except OSError:
             return ""
+        digest.update(text.replace(b"from runningfix.", b"from "))  # as it was before it was installed
     return digest.hexdigest()
 
 
 def prebuilt(function: Callable[..., Any]) -> Callable[..., Any] | None:
     """The function built ahead of time; itself where only others that were built call it; None: not built."""
-    found = extension(function.__module__.rpartition(".")[0])
-    if found is None or function.__module__.rpartition(".")[2] + ".py" not in found.files.split():
+    package, _, module = function.__module__.rpartition(".")
+    found = extension(package)
+    if found is None or f"{module}.py" not in found.files.split():
         return None
-    built: Callable[..., Any] = getattr(found, f"{function.__module__}:{function.__name__}", function)
+    built: Callable[..., Any] = getattr(found, f"{module}:{function.__name__}", function)
     return built

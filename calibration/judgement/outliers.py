@@ -72,6 +72,35 @@ def contradicting(
     return left, gone, fit
 
 
+LEAST_ZOOM_PERCENT = 0.1
+"""Change of the focal length from which a view is said to be of another zoom."""
+MOST_OF_IT = 0.8
+"""Share of a view's contradiction that focal lengths or the principal point alone must explain to be named for it."""
+
+
+def what_differs(model: Model, others: Fit, view: BoardView) -> str:
+    """What a view wants otherwise than all the `others`, in words: its zoom, its crop, or neither."""
+    corners = stacked([view])
+    start = posed(model, corners, others.intrinsics)
+
+    def left(*free: int) -> tuple[float, Floats]:
+        only = replace(model, free=model.free & np.isin(np.arange(len(model.free)), free), board_sigma_m=None)
+        fit = adjust(only, start, corners, max_iterations=30)
+        return float(np.sum(fit.residual_px**2)), fit.intrinsics
+
+    nothing, _ = left()
+    (focal, zoomed), (centre, moved), (both, _) = left(0, 1), left(2, 3), left(0, 1, 2, 3)
+    explained = max(nothing - both, 1e-12)
+    change = 100 * (float(zoomed[0] / others.intrinsics[0]) - 1)
+    if nothing - focal >= MOST_OF_IT * explained and focal <= centre and abs(change) >= LEAST_ZOOM_PERCENT:
+        return f"another zoom or focus? Its focal length would be {change:+.1f} %"
+    if nothing - centre >= MOST_OF_IT * explained:
+        shift = moved[2:4] - others.intrinsics[2:4]
+        by = f"{shift[0]:+.1f}, {shift[1]:+.1f} px"
+        return f"another part of the sensor (crop, stabiliser)? Its principal point would be off by {by}"
+    return "not by its zoom; did the board or the camera move?"
+
+
 def two_cameras(model: Model, views: Sequence[BoardView], fit: Fit, seed: int = 0) -> tuple[Bools, float, float] | None:
     """Whether the views fall into two groups that each fit well, with different focal lengths, and badly together.
 

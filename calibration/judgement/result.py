@@ -10,7 +10,10 @@ import numpy as np
 from calibration.boards.board import Board
 from calibration.camera import CameraModel
 from calibration.foundation.arrays import Floats, Ints, frozen, settle
-from calibration.judgement.coverage import Coverage
+from calibration.judgement.coverage import LATTICE_COLUMNS, LATTICE_ROWS, Coverage, missing_regions
+
+WHOLE_AREA = 0.9
+"""Share of the picture within the hull of all corners that is called all of it: boards end before its edges."""
 
 Verdict = Literal["good", "usable", "poor"]
 
@@ -80,6 +83,7 @@ class Calibration:
     corner_noise_px  scatter of the corners about a smooth grid, per coordinate, whatever the lens
     inflation      by which the covariance was enlarged, because errors are shared by all corners of a view
     direction_sigma  of where the camera puts a direction: what all of this means for a sighting
+    sigma_map_px   (17, 21) the same all over the image (`coverage.lattice`), row by row; inf where nothing is known
     bend_m         (m, 3) by which the board was found to differ from a flat, square one; None: taken as flat
     verdict        "good", "usable" or "poor", because of `warnings`; `advice` says what to photograph next
     """
@@ -94,6 +98,7 @@ class Calibration:
     corner_noise_px: float
     inflation: float
     direction_sigma: DirectionSigma
+    sigma_map_px: Floats
     coverage: Coverage
     bend_m: Floats | None
     verdict: Verdict
@@ -101,7 +106,20 @@ class Calibration:
     advice: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        settle(self, sigma=frozen(self.sigma, (None,), "sigma"))
+        settle(
+            self,
+            sigma=frozen(self.sigma, (None,), "sigma"),
+            sigma_map_px=frozen(self.sigma_map_px, (LATTICE_ROWS, LATTICE_COLUMNS), "sigma_map_px"),
+        )
+
+    @property
+    def part(self) -> str:
+        """Over which part of the picture the verdict holds, in words."""
+        missing = missing_regions(self.coverage.seen)
+        if not missing and self.coverage.area >= WHOLE_AREA:
+            return "over the whole picture"
+        but = f", not at its {', '.join(missing)}" if missing else ""
+        return f"over the {self.coverage.area:.0%} of the picture that boards reached{but}"
 
     @property
     def rms_px(self) -> float:

@@ -19,14 +19,17 @@ import numpy as np
 
 from calibration.adjustment.model_selection import Candidate
 from calibration.boards.view import BoardView
+from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import CalibrationError
-from calibration.judgement.coverage import Coverage, missing_regions
+from calibration.judgement.coverage import FEW_BOARDS, Coverage, corner_named, lattice, missing_regions, thin_regions
 from calibration.judgement.result import CalibratedView, DirectionSigma, RejectedView, Verdict
 
 LEAST_TILT_DEG = 5.0
 ENOUGH_TILT_DEG = 15.0
 LEAST_AREA = 0.12
 ENOUGH_AREA = 0.4
+ADVISED_AREA = 0.7
+"""Share of the image within the hull of all corners below which more is advised; the verdict is content with 0.4."""
 ENOUGH_VIEWS = 8
 WORST_FOCAL_SIGMA = 0.02
 
@@ -93,8 +96,9 @@ def judge(
     diagnosis: Diagnosis,
     known: DirectionSigma,
     image_size: tuple[int, int],
+    also: Sequence[str] = (),
 ) -> tuple[Verdict, tuple[str, ...]]:
-    """The verdict and its reasons. A reason of the first list makes it "poor", of the second "usable"."""
+    """The verdict and its reasons. A reason of the first list makes it "poor", of the second (and `also`) "usable"."""
     blind, hazy = _unsure(known, image_size)
     poor = [*_misfit(best, noise_px, diagnosis), *blind]
     usable = [
@@ -103,6 +107,8 @@ def judge(
         *_motion_blur(views),
         *_reach(reach, known),
         *_bent(diagnosis),
+        *_stretched(best),
+        *also,
         *hazy,
     ]
     if len(views) < 5:
@@ -197,6 +203,24 @@ def _extrapolated(known: DirectionSigma) -> str:
     return f"where directions are uncertain by up to {known.beyond_px:.1f} px"
 
 
+STRETCHED = 0.01
+"""fx / fy from 1 (in ln) that lenses and pixels do not explain: they differ by 0.002."""
+
+
+def _stretched(best: Candidate) -> list[str]:
+    """Photos that were resized to another shape, as their pixels are no squares any more."""
+    fx, fy = best.fit.intrinsics[:2]
+    c = best.uncertainty.covariance
+    sigma = np.sqrt(max(c[0, 0] / fx**2 + c[1, 1] / fy**2 - 2 * c[0, 1] / (fx * fy), 0.0))
+    off = float(np.log(fx / fy))
+    if abs(off) < max(STRETCHED, 5 * sigma):
+        return []
+    return [
+        f"fx / fy is {fx / fy:.3f}: pixels are not square, so the photos were resized to another shape, or recorded "
+        "with pixels that are not; the camera holds for such pictures only"
+    ]
+
+
 def _bent(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.bent:
         return []
@@ -206,18 +230,29 @@ def _bent(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def advice(reach: Coverage, count: int, known: DirectionSigma, image_size: tuple[int, int]) -> tuple[str, ...]:
+def advice(
+    reach: Coverage, count: int, known: DirectionSigma, sigma_px: Floats, image_size: tuple[int, int]
+) -> tuple[str, ...]:
     """What to photograph next, most useful first."""
     words = []
     if reach.tilt_deg.max() < 25:
         words.append("boards tilted by 25 to 45 degrees, about both axes")
     words += [f"a board that reaches the {region} of the image" for region in missing_regions(reach.seen)]
     if known.beyond_px > worth_px(image_size) and not missing_regions(reach.seen):
-        words.append(f"boards nearer to the image's corners, {_extrapolated(known)}")
+        worst = corner_named(lattice(image_size)[int(np.argmax(sigma_px))], image_size)
+        words.append(f"boards nearer to the image's corners, first of all the {worst} one, {_extrapolated(known)}")
+    elif reach.area < ADVISED_AREA and not missing_regions(reach.seen):
+        words.append(f"boards nearer to the image's edges: so far they reach {reach.area:.0%} of it")
+    if count >= FEW_BOARDS:
+        words += [
+            f"{FEW_BOARDS - boards} more {'board' if boards == FEW_BOARDS - 1 else 'boards'} in the {region} of the "
+            f"image, where only {boards} {'was' if boards == 1 else 'were'}"
+            for region, boards in thin_regions(reach.boards)
+        ]
     if reach.roll_spread_deg < 8 and count >= 3:
         words.append("the board or the camera turned by 90 degrees about the line of sight")
     if reach.distance_m.max() < 1.3 * reach.distance_m.min():
         words.append("boards at other distances, half and twice as far")
     if count < 15:
-        words.append(f"{15 - count} more views")
+        words.append(f"{15 - count} more view{'s' if count < 14 else ''}")
     return tuple(words)

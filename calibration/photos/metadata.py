@@ -9,12 +9,17 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
+RESIZED_KEY = "resized_from"
+"""Under which a photo of another size than its camera wrote says that size."""
+
 TAGS = {
     ExifTags.Base.Make: "maker",
     ExifTags.Base.Model: "camera",
     ExifTags.Base.Orientation: "orientation",
     ExifTags.Base.FocalLength: "focal_mm",
     ExifTags.Base.BodySerialNumber: "serial",
+    ExifTags.Base.ExifImageWidth: "wrote_width",
+    ExifTags.Base.ExifImageHeight: "wrote_height",
 }
 
 

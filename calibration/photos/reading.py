@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
-from calibration.photos.metadata import metadata_of
+from calibration.photos.metadata import RESIZED_KEY, metadata_of
 
 PHOTO_SUFFIXES = frozenset([".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".jp2"])
 UNREAD_SUFFIXES = frozenset(
@@ -27,6 +27,8 @@ UNREAD_SUFFIXES = frozenset(
 VIDEO_SUFFIXES = frozenset([".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".m2ts", ".webm", ".mpg", ".mpeg"])
 
 KNOWN_SUFFIXES = PHOTO_SUFFIXES | VIDEO_SUFFIXES | UNREAD_SUFFIXES
+BGR_WEIGHTS = np.array([0.114, 0.587, 0.299], np.float32)
+"""Of blue, green and red in gray (ITU-R BT.601), as OpenCV has them."""
 STRETCH_SHARE = 0.001
 """Of the pixels that may lie outside when 16 bits or floats are brought to 8: dead and hot ones. Doubled it clips more
 of a board's darkest and brightest squares, which moves no corner."""
@@ -107,6 +109,8 @@ def read_photo(path: Path) -> Photo:
     raw = read_bytes(path, expected="a photo")
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     stored = cv2.imdecode(np.frombuffer(raw, np.uint8), flags) if raw else None
+    if raw and (stored is None or stored.min() == stored.max()):
+        stored = _with_channels(raw)
     if stored is None:
         kind = _unread_kind(raw)
         raise InputFileError(
@@ -115,7 +119,33 @@ def read_photo(path: Path) -> Photo:
             expected="a photo that can be decoded",
             advice=EXPORT if kind else "copy it from the camera again, or leave it out",
         )
-    return Photo(name=path.name, gray=to_eight_bits(stored), taken={**metadata_of(raw), "turned_deg": "0"})
+    taken = {**_with_size(metadata_of(raw), (stored.shape[1], stored.shape[0])), "turned_deg": "0"}
+    return Photo(name=path.name, gray=to_eight_bits(stored), taken=taken)
+
+
+def _with_channels(raw: bytes) -> cv2.typing.MatLike | None:
+    """Gray of what is not decoded as gray (colours as floats), or is drawn in the alpha channel only: over white."""
+    stored = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_UNCHANGED)
+    if stored is None or stored.ndim < 3:
+        return stored
+    colours = np.asarray(stored[..., :3] if stored.shape[2] >= 3 else stored[..., :1], np.float32)
+    gray = colours @ BGR_WEIGHTS if colours.shape[2] == 3 else colours[..., 0]
+    if stored.shape[2] in (2, 4):
+        top = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(stored.dtype, 1.0)
+        share = np.asarray(stored[..., -1], np.float32) / top
+        gray = share * gray + (1 - share) * top
+    return np.asarray(np.rint(gray), np.uint8) if stored.dtype == np.uint8 else gray
+
+
+def _with_size(said: Mapping[str, str], size: tuple[int, int]) -> dict[str, str]:
+    """What a photo says, the size that its camera wrote only where the photo is of another one."""
+    rest = {key: value for key, value in said.items() if not key.startswith("wrote_")}
+    wrote = said.get("wrote_width", ""), said.get("wrote_height", "")
+    if all(side.isdigit() and int(side) > 0 for side in wrote):
+        width, height = map(int, wrote)
+        if (width, height) not in (size, size[::-1]):
+            rest[RESIZED_KEY] = f"{width}x{height}"
+    return rest
 
 
 def to_eight_bits(stored: cv2.typing.MatLike) -> cv2.typing.MatLike:

@@ -6,12 +6,14 @@ Frames are shown upright where the container has a rotation tag, as everything e
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 
 from calibration.foundation.capture import Capture, VideoHead, no_frames
 from calibration.photos.reading import Photo
+from calibration.photos.video_metadata import said_by_video
 from calibration.picture import Picture
 
 MOST_FRAMES = 240
@@ -22,7 +24,7 @@ def video_picture(path: Path, stream: int | None = None) -> Picture:
     """How the pictures of a video come. Raises InputFileError where it cannot be opened."""
     capture = Capture(path, stream=stream)
     try:
-        return _picture(capture.head())
+        return replace(_picture(capture.head()), said=said_by_video(path))
     finally:
         capture.close()
 
@@ -49,7 +51,11 @@ def video_frames(path: Path) -> Iterator[Photo]:
     try:
         picture, total = _picture(capture.head()), len(capture.index().stamp_s)
         step = max(1, total // MOST_FRAMES)
-        taken = {"turned_deg": str(picture.turned_deg), "sample_aspect": f"{picture.sample_aspect:g}"}
+        taken = {
+            **said_by_video(path),
+            "turned_deg": str(picture.turned_deg),
+            "sample_aspect": f"{picture.sample_aspect:g}",
+        }
         given = 0
         for shot in capture.shots():
             if shot.number % step == 0 and not shot.damaged and given < MOST_FRAMES:

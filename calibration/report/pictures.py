@@ -11,7 +11,7 @@ import numpy as np
 from calibration.judgement.result import CalibratedView, Calibration
 from calibration.photos.reading import Photo, find_photos, read_photo
 from calibration.photos.videos import video_frames
-from calibration.report.page import ARROW
+from calibration.report.figures import ARROW
 
 WIDTH_PX = 360
 QUALITY = 72

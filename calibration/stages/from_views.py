@@ -28,12 +28,13 @@ from calibration.boards.view import BoardView
 from calibration.camera import CameraModel
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import CalibrationError, InputFileError, UsageError
-from calibration.judgement.coverage import Coverage, coverage, grid_of, lattice, reached
+from calibration.judgement.coverage import LATTICE_COLUMNS, LATTICE_ROWS, Coverage, coverage, grid_of, lattice, reached
 from calibration.judgement.duplicates import without_copies
-from calibration.judgement.outliers import agreeing, contradicting, kept, two_cameras
+from calibration.judgement.outliers import agreeing, contradicting, kept, two_cameras, what_differs
 from calibration.judgement.result import CalibratedView, Calibration, DirectionSigma, RejectedView
 from calibration.judgement.two_cameras import like_cameras
 from calibration.judgement.verdict import Diagnosis, advice, judge, refuse_undetermined
+from calibration.photos.metadata import RESIZED_KEY
 
 LEAST_VIEWS = 3
 ROUNDS = 3
@@ -128,7 +129,9 @@ def _without_outliers(
     used = [v for v, good in zip(views, agree, strict=True) if good]
     used, against, fit = contradicting(model, kept(fit, stacked(views), agree), used, LEAST_NOISE_PX)
     bad += [
-        RejectedView(name=v.name, reason=f"contradicts the other views ({pull:.0f} sigma): another zoom or focus?")
+        RejectedView(
+            name=v.name, reason=f"contradicts the other views ({pull:.0f} sigma): {what_differs(model, fit, v)}"
+        )
         for v, pull in against
     ]
     return used, bad, (model, fit)
@@ -273,8 +276,11 @@ def _calibration(
         )
         for i, view in enumerate(views)
     )
-    known = _direction_sigma(best, views)
-    verdict, warnings = judge(best, used, rejected, reach, noise, diagnosis, known, views[0].image_size)
+    sigma_px = _sigma_map_px(best, views)
+    known = _direction_sigma(sigma_px, views)
+    verdict, warnings = judge(
+        best, used, rejected, reach, noise, diagnosis, known, views[0].image_size, _resized(views)
+    )
     camera = _camera(best, views, board, rejected, verdict)
     return Calibration(
         camera=camera,
@@ -287,16 +293,17 @@ def _calibration(
         corner_noise_px=noise,
         inflation=best.uncertainty.inflation,
         direction_sigma=known,
+        sigma_map_px=sigma_px.reshape(LATTICE_ROWS, LATTICE_COLUMNS),
         coverage=reach,
         bend_m=best.fit.bend_m if diagnosis.bent else None,
         verdict=verdict,
         warnings=warnings,
-        advice=advice(reach, len(used), known, views[0].image_size),
+        advice=advice(reach, len(used), known, sigma_px, views[0].image_size),
     )
 
 
-def _direction_sigma(best: Candidate, views: Sequence[BoardView]) -> DirectionSigma:
-    """Sigmas on a lattice over the image, inside and outside of the hull of all corners."""
+def _sigma_map_px(best: Candidate, views: Sequence[BoardView]) -> Floats:
+    """One sigma of a direction at each pixel of the lattice; inf where the lens model has no direction."""
     pixels = lattice(views[0].image_size)
     flat = normalised(best.model.lens, best.fit.intrinsics, pixels)
     rays = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
@@ -306,6 +313,12 @@ def _direction_sigma(best: Candidate, views: Sequence[BoardView]) -> DirectionSi
     sigma[usable] = projection_sigma_px(
         best.model, best.fit.intrinsics, best.uncertainty.covariance, rays[usable], inside[usable]
     )
+    return sigma
+
+
+def _direction_sigma(sigma: Floats, views: Sequence[BoardView]) -> DirectionSigma:
+    """Sigmas on the lattice, inside and outside of the hull of all corners."""
+    inside = reached(views, lattice(views[0].image_size))
     return DirectionSigma(
         typical_px=float(np.median(sigma[inside])),
         worst_px=float(np.quantile(sigma[inside], 0.95)),
@@ -340,10 +353,22 @@ def _camera(
     )
 
 
+def _resized(views: Sequence[BoardView]) -> list[str]:
+    """Photos of another size than the camera wrote, as they say themselves."""
+    sizes = Counter(view.taken[RESIZED_KEY] for view in views if RESIZED_KEY in view.taken)
+    if not sizes:
+        return []
+    (width, height), said = views[0].image_size, ", ".join(sizes)
+    return [
+        f"{sum(sizes.values())} of {len(views)} photos are {width}x{height}, but the camera wrote {said}: they were "
+        "resized or cropped, and the camera file holds for such pictures only"
+    ]
+
+
 def _taken(views: Sequence[BoardView]) -> dict[str, str | float]:
     """What all views say alike of the camera and of how their pictures come: held against the videos it is used for."""
     said: dict[str, str | float] = {}
-    for key in ("maker", "camera", "serial", "focal_mm", "turned_deg", "sample_aspect"):
+    for key in ("maker", "camera", "serial", "focal_mm", RESIZED_KEY, "turned_deg", "sample_aspect"):
         values = {view.taken.get(key) for view in views}
         value = next(iter(values)) if len(values) == 1 else None
         if value is not None:

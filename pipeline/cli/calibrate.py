@@ -11,6 +11,7 @@ from typing import Any
 from calibration import Board, Calibration, CameraModel, calibrate_files, calibration_page, pictures, write_camera
 from calibration.foundation.errors import CalibrationError, RunningFixError, UsageError
 from calibration.foundation.files import write_whole
+from calibration.judgement.coverage import map_in_words
 from pipeline.cli.board import read_board
 from pipeline.cli.camera import for_video
 from pipeline.cli.console import Console
@@ -80,7 +81,7 @@ def _calibrated(
         files.append(str(page))
     seconds = time.perf_counter() - begin
     fit = {} if arguments.video is None else {"for": {"video": str(arguments.video), **_numbers(camera)}}
-    for line in (*found.warnings, *found.advice):
+    for line in found.warnings:
         console.say(f"note: {line}")
     return {**summary(found, files, seconds), **fit}, words(found, files)
 
@@ -114,6 +115,8 @@ def summary(found: Calibration, files: list[str], seconds: float) -> dict[str, A
             "worst": found.direction_sigma.worst_px,
             "where_no_board_was": _finite(found.direction_sigma.beyond_px),
         },
+        "part": found.part,
+        "coverage": {"boards": found.coverage.boards.tolist(), "share": round(found.coverage.area, 4)},
         "views": [
             {"name": view.name, "rms_px": view.rms_px, "held_out_px": view.held_out_px, "tilt_deg": view.tilt_deg}
             for view in found.views
@@ -124,6 +127,12 @@ def summary(found: Calibration, files: list[str], seconds: float) -> dict[str, A
         "seconds": {"calibrate": round(seconds, 3)},
         "files": files,
     }
+
+
+def coverage_words(found: Calibration) -> list[str]:
+    """The picture in five by five parts: how many boards were in each."""
+    rows = map_in_words(found.coverage.boards)
+    return [f"{'boards seen' if i == 0 else '':<16}{row}" for i, row in enumerate(rows)]
 
 
 def _finite(value: float) -> float | None:
@@ -147,6 +156,8 @@ def words(found: Calibration, files: list[str]) -> str:
         f"lens             {found.lens}",
         f"reprojection     {found.rms_px:.3f} px RMS, {found.held_out_px:.3f} px for views left out",
         f"a direction      {found.direction_sigma.typical_px:.2f} px (one sigma, where boards were seen)",
-        f"verdict          {found.verdict}",
+        *coverage_words(found),
+        f"verdict          {found.verdict}" + ("" if found.verdict == "poor" else f", {found.part}"),
+        *(f"{'to photograph' if i == 0 else '':<17}{line}" for i, line in enumerate(found.advice)),
         f"written          {', '.join(files)}",
     ])  # fmt: skip

@@ -12,7 +12,7 @@ from calibration.foundation.files import write_whole
 from pipeline.cli.console import Console
 from pipeline.report import log_picture
 from pipeline.stages import log_paths
-from pipeline.telemetry import FlightLog, Inspection, inspect_log, read_log
+from pipeline.telemetry import FlightLog, Inspection, inspect_log, position_worth, read_log
 
 
 def run(arguments: Namespace, console: Console) -> int:
@@ -57,7 +57,7 @@ def _plain(found: Inspection, log: FlightLog) -> dict[str, Any]:
         "utc": None if log.utc is None else asdict(log.utc),
         "camera_events": len(log.camera_event_s),
         "missing": list(found.missing),
-        "warnings": list(log.notes),
+        "warnings": [*log.notes, *position_worth(log).notes],
         "flight_file": list(found.flight_file),
         "words": list(found.words),
     }

@@ -12,6 +12,7 @@ from pipeline.cli.parser import build_parser
 
 BAD_USAGE = 2
 OWN_MODULES = (
+    "batch",
     "board",
     "boresight",
     "calibrate",
@@ -23,6 +24,7 @@ OWN_MODULES = (
     "experiment",
     "inspect",
     "label",
+    "match",
 )
 
 

@@ -40,6 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     _camera(commands)
     _detect(commands)
     _label(commands)
+    _match(commands)
     check = _command(
         commands, "check", "what is wrong or doubtful in a flight, before tracking", "runningfix check flight.toml"
     )
@@ -51,6 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
         ("run", "all of it; resumes where it was stopped"),
     ):
         _flight_command(commands, name, what)
+    _batch(commands)
     _boresight(commands)
     _inspect(commands)
     doctor = _command(
@@ -203,6 +205,18 @@ def _label(commands: Commands) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only say the address")
 
 
+def _match(commands: Commands) -> None:
+    parser = _command(
+        commands, "match", "which target of one camera is which of another: boxes and tracks under common names",
+        "runningfix match flight.toml -o out/",
+    )  # fmt: skip
+    parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file; it is left as it is")
+    parser.add_argument("-o", "--output", default=Path("out"), type=Path, metavar="out/", help="where the tracks go")
+    parser.add_argument(
+        "--write", type=Path, metavar="NAME.toml", help="the new flight file (default: flight-matched.toml beside it)"
+    )
+
+
 def _flight_command(commands: Commands, name: str, what: str) -> None:
     parser = _command(commands, name, what, f"runningfix {name} flight.toml -o out/")
     parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file")
@@ -236,6 +250,29 @@ def _inspect(commands: Commands) -> None:
         "--dialect", default="", metavar="NAME|XML", help="a pymavlink dialect, or your message definitions"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="picture.svg", help="draw the flight into this file")
+
+
+def _batch(commands: Commands) -> None:
+    parser = _command(
+        commands, "batch", "many flights, each within limits, into one data set with a catalogue",
+        "runningfix batch 'flights/*/flight.toml' -o batch/\n  runningfix batch flights.csv -o s3://bucket/batch "
+        "--timeout 900 --memory 2G",
+    )  # fmt: skip
+    parser.add_argument(
+        "flights", nargs="+", metavar="FLIGHTS",
+        help="flight files, folders with a flight.toml, patterns, or tables (.csv .parquet) with a column `flight`; "
+        "paths or URLs",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", required=True, metavar="batch/", help="folder or URL of the data set")
+    parser.add_argument("--jobs", type=int, help="processes (default: one for each core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster instead (extra 'cluster')")
+    parser.add_argument(
+        "--timeout", type=float, default=3600.0, metavar="SECONDS", help="that one flight may take (default 3600)"
+    )
+    parser.add_argument(
+        "--memory", metavar="SIZE", help="that one flight may take, such as 2G (default: its share of the machine's)"
+    )
+    parser.add_argument("--again", action="store_true", help="flights that failed before, too, though nothing changed")
 
 
 def _demo(commands: Commands) -> None:

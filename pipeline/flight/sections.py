@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 from pipeline.flight import keys
@@ -149,10 +150,8 @@ def camera(table: Table, name: str, folder: Path) -> CameraSettings:
     return CameraSettings(name=name, **found)
 
 
-def box(table: Table, key: str, folder: Path) -> Box:
+def box(inner: Table) -> Box:
     """`{ frame = 0, box = [x, y, width, height] }`."""
-    inner = table.table(key)
-    assert inner is not None
     frame, sides = inner.whole("frame"), inner.vector("box", 4)
     if sides is None:
         raise inner.refuse("box", "[x, y, width, height] in pixels", "write { frame = 0, box = [612, 340, 24, 18] }")
@@ -162,14 +161,30 @@ def box(table: Table, key: str, folder: Path) -> Box:
     return Box(frame=frame or 0, x=sides[0], y=sides[1], width=sides[2], height=sides[3])
 
 
-def boxes(table: Table, key: str, folder: Path) -> dict[str, Box]:
-    """Boxes by camera."""
+def boxes(table: Table, key: str, folder: Path) -> dict[str, tuple[Box, ...]]:
+    """Boxes by camera, one or a list of them on different frames; in order of the frames."""
     inner = table.table(key)
-    return {} if inner is None else {name: box(inner, name, folder) for name in inner.content}
+    return {} if inner is None else {name: _labels(inner, name) for name in inner.content}
+
+
+def _labels(table: Table, camera: str) -> tuple[Box, ...]:
+    written = table.get(camera)
+    if not isinstance(written, list):
+        return (box(Table(written, table.place(camera))),)
+    found = sorted((box(Table(one, f"{table.place(camera)}[{k}]")) for k, one in enumerate(written)), key=_frame)
+    if not found or any(one.frame == other.frame for one, other in pairwise(found)):
+        raise table.refuse(
+            camera, "one box or several on different frames", "write [{ frame = 0, box = [612, 340, 24, 18] }, ...]"
+        )
+    return tuple(found)
+
+
+def _frame(one: Box) -> int:
+    return one.frame
 
 
 TARGET_KEYS = (
-    Key("boxes", boxes),
+    Key("boxes", boxes, "labels"),
     Key("motion", keys.choice(("auto", "polynomial", "spline"), "auto")),
     Key("order", keys.choice((*range(6), "auto"), "auto")),
 )

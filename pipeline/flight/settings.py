@@ -91,12 +91,20 @@ class CameraSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetSettings:
-    """One `[targets.NAME]` table; `boxes` by camera. An `order` that is given means a polynomial."""
+    """One `[targets.NAME]` table; `labels` are its boxes by camera, in order of their frames.
+
+    An `order` that is given means a polynomial.
+    """
 
     name: str
     motion: MotionAsked = "auto"
     order: int | Literal["auto"] = "auto"
-    boxes: Mapping[str, Box] = field(default_factory=dict)
+    labels: Mapping[str, tuple[Box, ...]] = field(default_factory=dict)
+
+    @property
+    def boxes(self) -> Mapping[str, Box]:
+        """The first box by camera."""
+        return {camera: boxes[0] for camera, boxes in self.labels.items()}
 
 
 @dataclass(frozen=True, kw_only=True)

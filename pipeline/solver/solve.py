@@ -32,7 +32,7 @@ from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.judgement import judged, with_findings
+from pipeline.solver.judgement import judged, with_findings, with_refusal
 from pipeline.solver.methods import li, map_estimation
 from pipeline.solver.methods.initialisation import candidates
 from pipeline.solver.methods.intersection import intersect
@@ -171,9 +171,28 @@ def _solved(problem: Problem, settings: SolverSettings, progress: Progress | Non
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
     covariance = solution.shared_covariance
     shared = None if covariance is None else (solution.shared_names, covariance)
-    left_open = find_degeneracies(problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared)
+    try:
+        left_open = find_degeneracies(
+            problem, settings, clocks=solution.clocks, orders=orders, seen=seen, shared=shared
+        )
+    except GeometryError as error:
+        return _refused(problem, outcome, solution, error)
     findings = (*solution.findings, *left_open, *_low_weights(solution))
     return judged(problem, outcome, replace(solution, findings=findings))
+
+
+def _refused(problem: Problem, outcome: Outcome, solution: Solution, error: GeometryError) -> Solution:
+    """A solution that contradicts itself is called bad, with its culprits: what it says of geometry may be false.
+
+    Raises the error where the solution fits.
+    """
+    try:
+        found = judged(problem, outcome, replace(solution, findings=(*solution.findings, *_low_weights(solution))))
+    except (np.linalg.LinAlgError, ValueError):
+        raise error from None
+    if found.verdict.grade != "bad":
+        raise error
+    return with_refusal(found, error)
 
 
 def _low_weights(solution: Solution) -> tuple[Finding, ...]:

@@ -14,18 +14,24 @@ from pipeline.stages.problem.build import build_problem
 from pipeline.stages.problem.rays import sight_rays
 from pipeline.stages.running.check import check_flight
 from pipeline.stages.running.flight import run_flight
+from pipeline.stages.running.ledger import Ledger, writing
+from pipeline.stages.running.match import MatchRun, run_match
 from pipeline.stages.running.poses import run_poses
+from pipeline.stages.running.provenance import decisive
 from pipeline.stages.running.results import gather_results
 from pipeline.stages.running.solve import run_solve
 from pipeline.stages.running.summary import RunSummary
 from pipeline.stages.running.track import run_track
 
 __all__ = [
+    "Ledger",
+    "MatchRun",
     "MeasuredPoses",
     "Outlook",
     "RunSummary",
     "build_problem",
     "check_flight",
+    "decisive",
     "gather_results",
     "log_paths",
     "measure_poses",
@@ -33,9 +39,11 @@ __all__ = [
     "read_models",
     "read_tracks",
     "run_flight",
+    "run_match",
     "run_poses",
     "run_solve",
     "run_track",
     "sight_rays",
     "track_camera",
+    "writing",
 ]

@@ -3,7 +3,7 @@
 from pipeline.telemetry.camera_pose.from_log import Mount, camera_poses, covered
 from pipeline.telemetry.camera_pose.from_table import PoseTable, is_pose_table, read_pose_table, table_poses
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
-from pipeline.telemetry.camera_pose.sigma import log_sigma
+from pipeline.telemetry.camera_pose.sigma import log_sigma, position_worth
 from pipeline.telemetry.clocks.own_clock import log_seconds
 from pipeline.telemetry.excerpts.excerpt import Excerpt
 from pipeline.telemetry.heights.takeoff import with_takeoff
@@ -46,6 +46,7 @@ __all__ = [
     "log_sigma",
     "log_span",
     "match_turns",
+    "position_worth",
     "read_log",
     "read_pose_table",
     "resolve_start",

@@ -10,7 +10,8 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.telemetry.camera_pose.interpolate import MAX_GAP_S
-from pipeline.telemetry.camera_pose.sigma import log_sigma
+from pipeline.telemetry.camera_pose.sigma import log_sigma, position_worth
+from pipeline.telemetry.camera_pose.truth import truth_words
 from pipeline.telemetry.clocks.own_clock import counts_from_1970
 from pipeline.telemetry.gimbals.frames import FRAME_NAMES
 from pipeline.telemetry.log.flight_log import FlightLog
@@ -68,7 +69,16 @@ def inspect_log(log: FlightLog) -> Inspection:
         series=series,
         missing=missing,
         flight_file=keys,
-        words=(*_head(log), *map(_series_words, series), *_more(log), *log.notes, *missing, *to_write),
+        words=(
+            *_head(log),
+            *map(_series_words, series),
+            *_more(log),
+            *log.notes,
+            *position_worth(log).notes,
+            *truth_words(log),
+            *missing,
+            *to_write,
+        ),
     )
 
 
@@ -122,8 +132,8 @@ def _flight_file(log: FlightLog) -> tuple[str, ...]:
     elif log.format == "dji srt":
         lines.append("start = 0.0   # of the video that the subtitles belong to")
     else:
-        utc = "a UTC time, " if log.utc is not None else ""
-        lines.append(f'start = "auto"   # or {utc}or seconds of log time')
+        utc = "a UTC time, or " if log.utc is not None else ""
+        lines.append(f'start = "auto"   # or {utc}seconds of log time')
     if log.position is not None and log.position.datum == "home":
         lines.append('takeoff = { height = 0.0, datum = "msl" }   # how high the take-off place is: fill in')
     return tuple(lines)

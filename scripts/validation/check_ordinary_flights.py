@@ -1,12 +1,13 @@
 """Whether ordinary flights come out right with nothing but defaults: flights drawn here, solved, error over claim.
 
-usage: python scripts/validation/check_ordinary_flights.py [--flights 40] [--seed 1000] [--walk gnss10|gnss60|attitude]
+usage: python -m scripts.validation.check_ordinary_flights [--flights 40] [--seed 1000] [--walk gnss10|gnss60|attitude]
+       [--given] [--rows FILE]
 
 Drawn are two to four cameras (flown straight, in a circle, or hovering) and one to eight targets (straight, curve, stop
 and go, U-turn, roundabout, hover, parked) over 6 to 60 s, with nothing known of the clocks. This simulator shares no
 code with `pipeline/synthetic`. Printed for every flight: root mean square of error over claimed sigma of all positions
-(1 is right), the error in metres, the same with the true motion given (order 0 parked, 1 straight, else a spline), how
-many sigmas each offset is off, the motions chosen; at the end the figures over all.
+(1 is right), the error in metres, how many sigmas each offset is off, the verdict, the motions chosen; with `--given`
+the same with the true motion given (order 0 parked, 1 straight, else a spline); at the end the figures over all.
 
 `--walk` adds what is correlated in time instead of white errors: a position's random walk that reaches 1 m in 10 or 60
 seconds, or an attitude's that reaches 0.3 degrees in 10 seconds.
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,6 +40,7 @@ from pipeline.records import (
 )
 from pipeline.solver import solve
 from scripts.validation.figures import tell
+from scripts.validation.series import Row, rows_of
 
 KINDS = ("straight", "curve", "stop", "uturn", "roundabout", "hover", "parked")
 GIVEN_ORDER = {"parked": 0, "straight": 1}
@@ -50,16 +53,22 @@ Path3 = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drawn:
-    """One flight: the problem as a user would pose it, the kinds of motion, and the truth."""
+    """One flight: the problem as a user would pose it, the kinds of motion, and the truth.
+
+    places  of each camera: common times (f,) of its frames, and where it was (f, 3)
+    """
 
     problem: Problem
     kinds: tuple[str, ...]
     paths: tuple[Path3, ...]
     offset_s: dict[str, float]
+    places: dict[str, tuple[Floats, Floats]]
 
 
-def drawn(seed: int, walk: str = "", cameras: int = 0, duration_s: float = 0.0) -> Drawn:
-    """A flight by its seed."""
+def drawn(
+    seed: int, walk: str = "", cameras: int = 0, duration_s: float = 0.0, narrow: tuple[float, float] | None = None
+) -> Drawn:
+    """A flight by its seed; `narrow` is (metres between neighbouring cameras, metres from the targets)."""
     rng = np.random.default_rng([20261130, seed])
     duration = duration_s or float(np.exp(rng.uniform(np.log(6), np.log(60))))
     kinds = _kinds(rng, int(rng.integers(1, 9)))
@@ -70,15 +79,22 @@ def drawn(seed: int, walk: str = "", cameras: int = 0, duration_s: float = 0.0) 
     count = cameras or int(rng.choice([2, 2, 3, 4]))
     distance, height = float(rng.uniform(120, 400)), float(rng.uniform(60, 200))
     heading = float(rng.uniform(0, 2 * np.pi))
-    inputs, offsets = [], {}
+    if narrow:
+        distance = narrow[1]
+    inputs, offsets, places = [], {}, {}
     for c in range(count):
         name = f"uav{c + 1}"
         offsets[name] = 0.0 if c == 0 else float(rng.uniform(-4, 4) * min(1.0, duration / 12))
-        heading += float(rng.uniform(0.6, 1.8)) * (c > 0)
-        inputs.append(_camera(name, rng, paths, grade, offsets[name], rate, duration, heading, distance, height, walk))
+        apart = float(rng.uniform(0.6, 1.8))
+        heading += (narrow[0] / distance if narrow else apart) * (c > 0)
+        spread = (1.0, 1.0) if narrow else (float(rng.uniform(0.8, 1.25)), float(rng.uniform(0.7, 1.4)))
+        where = heading, distance * spread[0], height * spread[1]
+        camera, common, place = _camera(name, rng, paths, grade, offsets[name], rate, duration, where, walk)
+        inputs.append(camera)
+        places[name] = common, place
     targets = tuple(TargetInput(target=f"car{n + 1}") for n in range(len(kinds)))
     problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera="uav1")
-    return Drawn(problem=problem, kinds=kinds, paths=paths, offset_s=offsets)
+    return Drawn(problem=problem, kinds=kinds, paths=paths, offset_s=offsets, places=places)
 
 
 def _grade(rng: np.random.Generator) -> dict[str, float]:
@@ -139,13 +155,13 @@ def _wander(time_s: Floats, rng: np.random.Generator, size_m: float) -> Floats:
 
 def _camera(
     name: str, rng: np.random.Generator, paths: Sequence[Path3], grade: InstrumentSigma, offset_s: float, rate: float,
-    duration: float, heading: float, distance: float, height: float, walk: str,
-) -> CameraInput:  # fmt: skip
-    """One camera's sightings and measured poses. Common time = frame / true rate + offset."""
+    duration: float, where: tuple[float, float, float], walk: str,
+) -> tuple[CameraInput, Floats, Floats]:  # fmt: skip
+    """One camera's sightings and measured poses, and where it was when. Common time = frame / true rate + offset."""
     frames = np.arange(int(duration * rate))
     true_rate = rate * (1 + rng.normal() * 1e-4)
     common = frames / true_rate + offset_s
-    place = _flown(common, duration, rng, heading, distance * rng.uniform(0.8, 1.25), height * rng.uniform(0.7, 1.4))
+    place = _flown(common, duration, rng, *where)
     axes = _looking(place, common, paths, rng)
     focal, sigma_px = float(rng.uniform(900, 1800)), 1.0
     reported_place, reported_axes, sigma = _measured(common, place, axes, grade, rng, walk)
@@ -174,9 +190,10 @@ def _camera(
         camera=name, frame=shown, time_s=shown / rate, position_enu_m=reported_place[shown],
         enu_from_cam=np.array([_quaternion(reported_axes[f].T) for f in shown]),
     )  # fmt: skip
-    return CameraInput(
+    camera = CameraInput(
         camera=name, rays=rays, poses=poses, frame_rate=rate, offset_s=0.0 if name == "uav1" else None, sigma=sigma
     )
+    return camera, common, place
 
 
 def _flown(
@@ -298,44 +315,82 @@ def solved(flight: Drawn, problem: Problem) -> tuple[Score, Solution] | str:
     return score(flight, solution, time.perf_counter() - began), solution
 
 
+def row(flight: Drawn, *, given: bool) -> Row:
+    """What is kept of one flight: with defaults, and with the true motion given."""
+    found = solved(flight, flight.problem)
+    best = solved(flight, with_true_motion(flight)) if given else ""
+    out: Row = {"refused": "", "kinds": flight.kinds, "given_rmse_m": None}
+    if not isinstance(best, str):
+        out |= {"given_rmse_m": best[0].rmse_m, "given_ratio": best[0].ratio}
+    if isinstance(found, str):
+        return {**out, "refused": found}
+    one, solution = found
+    shape = {m.target: f"{m.degree}" if m.kind == "polynomial" else "s" for m in solution.motions}
+    return {
+        **out, "ratio": one.ratio, "rmse_m": one.rmse_m, "offset_sigmas": one.offset_sigmas, "seconds": one.seconds,
+        "grade": solution.verdict.grade,
+        "reasons": [f"{r.grade} {r.kind} {r.subject}: {r.words}" for r in solution.verdict.reasons],
+        "shapes": [shape.get(f"car{n + 1}", "-") for n in range(len(flight.kinds))],
+        "factor": solution.unit_weight.variance_factor if solution.unit_weight else None,
+    }  # fmt: skip
+
+
+def told(seed: str, r: Row) -> str:
+    """A row in a line."""
+    if r["refused"]:
+        return f"{seed} refused: {r['refused']}"
+    words = (
+        f"{seed} {r['ratio']:5.2f} claims {r['rmse_m']:7.2f} m offset {r['offset_sigmas']:5.1f} {r['seconds']:5.1f} s"
+    )
+    if r["given_rmse_m"] is not None:
+        words += f" | given {r['given_ratio']:5.2f} {r['given_rmse_m']:7.2f} m"
+    words += f" | {r['grade']} " + " ".join(f"{k}:{s}" for k, s in zip(r["kinds"], r["shapes"], strict=True))
+    heavy = [reason for reason in r["reasons"] if not reason.startswith("good")]
+    return words + "".join(f"\n       {reason[:150]}" for reason in heavy[:2])
+
+
+def figures(rows: list[Row]) -> dict[str, object]:
+    """Over all flights that were solved; a refused one counts as "refused" among the grades."""
+    done = [r for r in rows if not r["refused"]]
+    ratio = np.array([r["ratio"] for r in done])
+    silent = [r for r in done if r["grade"] != "bad"]
+    over = np.array([r["rmse_m"] / r["given_rmse_m"] for r in done if r["given_rmse_m"]] or [np.nan])
+    return {
+        "flights": len(done),
+        "error_over_claim": float(np.sqrt((ratio**2).mean())),
+        "greatest": float(ratio.max()),
+        "greatest_good": max((r["ratio"] for r in done if r["grade"] == "good"), default=0.0),
+        "offsets_beyond_four_sigmas": sum(r["offset_sigmas"] > 4 for r in silent),
+        "error_over_given": float(np.median(over)),
+        "grades": dict(Counter("refused" if r["refused"] else r["grade"] for r in rows)),
+    }
+
+
 def main() -> None:
     """Prints a row for every flight and the figures over all."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--flights", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--walk", default="", choices=("", "gnss10", "gnss60", "attitude"))
-    parser.add_argument("--no-given", action="store_true", help="without the comparison with the true motion given")
+    parser.add_argument("--given", action="store_true", help="also with the true motion given, to compare")
+    parser.add_argument("--rows", type=Path, help="file to which rows are appended; what it has is not solved again")
     asked = parser.parse_args()
-    auto, given = [], []
-    for seed in range(asked.seed, asked.seed + asked.flights):
-        flight = drawn(seed, asked.walk)
-        found = solved(flight, flight.problem)
-        best = solved(flight, with_true_motion(flight)) if not asked.no_given else ""
-        if isinstance(found, str):
-            print(f"{seed} refused: {found}; with the true motion: {'refused' if isinstance(best, str) else best[0]}")
-            continue
-        one, solution = found
-        auto.append(one)
-        words = (
-            f"{seed} {one.ratio:5.2f} claims {one.rmse_m:7.2f} m offset {one.offset_sigmas:5.1f} {one.seconds:5.1f} s"
-        )
-        if not isinstance(best, str):
-            given.append((one, best[0]))
-            words += f" | given {best[0].ratio:5.2f} {best[0].rmse_m:7.2f} m {best[0].offset_sigmas:5.1f}"
-        weight = solution.unit_weight
-        words += f" | {solution.status} {weight.variance_factor if weight else 0:.2f} "
-        shape = {m.target: f"{m.degree}" if m.kind == "polynomial" else "s" for m in solution.motions}
-        words += " ".join(f"{kind}:{shape.get(f'car{n + 1}', '-')}" for n, kind in enumerate(flight.kinds))
-        print(words, flush=True)
-    ratio = np.array([s.ratio for s in auto])
-    beyond = sum(s.offset_sigmas > 4 for s in auto)
-    over_given = np.array([a.rmse_m / b.rmse_m for a, b in given] or [np.nan])
-    rms, worst = float(np.sqrt((ratio**2).mean())), float(ratio.max())
-    median, spread = np.median(over_given), np.sqrt((over_given**2).mean())
-    print(f"{len(auto)} flights: error over claim {rms:.2f} rms, greatest {worst:.2f}")
-    print(f"offsets beyond four sigmas: {beyond}")
-    print(f"error over that with the true motion: {median:.2f} median, {spread:.2f} rms")
-    tell({"flights": len(auto), "error_over_claim": rms, "greatest": worst, "offsets_beyond_four_sigmas": beyond})
+
+    def make(key: str) -> Row:
+        return row(drawn(int(key.split()[-1]), asked.walk), given=asked.given)
+
+    rows = []
+    for r in rows_of(
+        (f"{asked.walk} {s}".strip() for s in range(asked.seed, asked.seed + asked.flights)), make, asked.rows
+    ):
+        rows.append(r)
+        print(told(r["key"], r), flush=True)
+    found = figures(rows)
+    print(f"{found['flights']} flights: error over claim {found['error_over_claim']:.2f} rms, greatest "
+          f"{found['greatest']:.2f}, greatest called good {found['greatest_good']:.2f}")  # fmt: skip
+    print(f"offsets beyond four sigmas, verdict not bad: {found['offsets_beyond_four_sigmas']}")
+    print(f"error over that with the true motion: {found['error_over_given']:.2f} median; {found['grades']}")
+    tell(found)
 
 
 if __name__ == "__main__":

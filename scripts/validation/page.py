@@ -145,6 +145,31 @@ ROWS = (
         ),
     ),
     Row(
+        check="mixed-cameras",
+        what="photos of two like cameras in one folder (focal lengths 0 to 1 %, principal points 2 to 20 px apart)",
+        words=lambda f: (
+            f"{f['pairs']} pairs, {f['wrong']} more than 2 sigmas off when mixed: {f['told']} refused or named; of "
+            f"{f['single']} single cameras {f['single_alarms']} were"
+        ),
+    ),
+    Row(
+        check="camera-mistakes",
+        what="camera files of another size, crop or turn than the video's; copies of photos",
+        words=lambda f: (
+            f"{f['refused']} of {f['mistakes']} refused before tracking; up to {max(f['copies'])} copies change a "
+            f"sigma by {100 * f['largest_change_of_a_sigma']:.2f} %"
+        ),
+    ),
+    Row(
+        check="charuco",
+        what="ChArUco corners beside a checkerboard's on the same photos, RMS per axis, OpenCV's in brackets",
+        words=lambda f: (
+            f"whole boards {f['charuco_whole_px']:.4f} ({f['opencv_charuco_whole_px']:.4f}), partial "
+            f"{f['charuco_partial_px']:.4f} ({f['opencv_charuco_partial_px']:.4f}), checkerboard "
+            f"{f['checkerboard_whole_px']:.4f} ({f['opencv_checkerboard_whole_px']:.4f}) px"
+        ),
+    ),
+    Row(
         check="start-auto",
         what='`start = "auto"` on rendered flights (14 s of video in 100 s of log)',
         words=lambda f: (
@@ -166,8 +191,24 @@ ROWS = (
         what="ordinary flights with nothing but defaults",
         words=lambda f: (
             f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights, at most {f['greatest']:.2f}; "
-            f"{f['offsets_beyond_four_sigmas']} offsets more than four sigmas off"
+            f"{f['offsets_beyond_four_sigmas']} offsets more than four sigmas off; "
+            + ", ".join(f"{grade} {count}" for grade, count in f.get("grades", {}).items())
         ),
+    ),
+    Row(
+        check="gnss-walk",
+        what="the same, positions that walk by 1 m in 10 s",
+        words=lambda f: f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights",
+    ),
+    Row(
+        check="attitude-walk",
+        what="the same, attitudes that walk by 0.3 degrees in 10 s",
+        words=lambda f: f"error over claim {f['error_over_claim']:.2f} over {f['flights']} flights",
+    ),
+    Row(
+        check="depth-intervals",
+        what="intervals of distances, cameras 15 m apart and 360 m away",
+        words=lambda f: f"{f['within_68']:.2f} and {f['within_95']:.2f} of {f['intervals']} within 68 and 95 %",
     ),
     Row(
         check="verdict",

@@ -65,6 +65,16 @@ def test_every_name_of_the_package_is_documented():
     ]
 
 
+def test_every_package_that_is_run_has_its_licence_told():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    ours = {
+        name for name in project["optional-dependencies"] if name not in ("all", "docs", "mutation", "fuzz", "test")
+    }
+    named = [*project["dependencies"], *(d for name in ours for d in project["optional-dependencies"][name])]
+    rows = re.findall(r"^\| ([\w-]+).*\| (.+) \| (.+) \|$", DOCS["licences"], re.MULTILINE)
+    assert {re.match(r"[\w-]+", text)[0] for text in named} == {row[0] for row in rows} - {"package", "---"}
+
+
 def test_every_exit_code_is_documented():
     known = {RunningFixError, *every_error(RunningFixError), door.InternalError, door.EndedByUserError}
     codes = {error.exit_code for error in known} | {0, DID_NOT_CONVERGE}

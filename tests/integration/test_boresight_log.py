@@ -8,6 +8,7 @@ import pytest
 from calibration import write_camera
 from pipeline.cli.main import main
 from pipeline.export import tracks_csv
+from pipeline.geometry import rotation
 from pipeline.geometry.geodesy import geodetic_from_enu
 from pipeline.records import ImageTrack
 from pipeline.synthetic.dataflash_log import dataflash_bytes
@@ -105,6 +106,28 @@ def test_mount_and_start_from_a_log_are_true_within_their_sigmas(tmp_path, capsy
     assert (rms < 1.6).all()
     assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=0.25)
     assert (np.mean(sigmas, axis=0) < [0.15, 0.15, 0.05, 0.005]).all()
+
+
+def test_what_it_prints_as_correction_adds_to_the_one_that_was_there(tmp_path, capsys):
+    flight, place, _ = written(tmp_path, 5)
+    flight.write_text(flight.read_text().replace("lever_arm_m", "mount_correction = { yaw_deg = 1.5 }\nlever_arm_m"))
+
+    def corrected():
+        command = ["boresight", str(flight), "-o", str(tmp_path / "out"), "--still", "mast", "--json"]
+        assert main([*command, "--at", *(f"{v:.9f}" for v in place)]) == 0
+        camera = json.loads(capsys.readouterr().out)["cameras"]["uav"]
+        assert "mount" not in camera
+        return camera, [camera["mount_correction"][f"{axis}_deg"] for axis in ("roll", "pitch", "yaw")]
+
+    camera, (roll, pitch, yaw) = corrected()
+    mount, correction = (
+        rotation.ned_from_frd(*np.radians(angles)) for angles in ((0.0, -36.0, 0.0), (yaw, pitch, roll))
+    )
+    whole = np.degrees(rotation.yaw_pitch_roll(rotation.multiply(mount, correction)))
+    assert np.abs(whole - MOUNT_DEG).max() < 4 * max(camera["sigma_deg"])
+    pasted = f"mount_correction = {{ roll_deg = {roll}, pitch_deg = {pitch}, yaw_deg = {yaw} }}"
+    flight.write_text(flight.read_text().replace("mount_correction = { yaw_deg = 1.5 }", pasted))
+    np.testing.assert_allclose(corrected()[1], [roll, pitch, yaw], atol=0.002)
 
 
 def test_a_dataflash_log_says_the_same(tmp_path, capsys):

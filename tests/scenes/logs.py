@@ -183,9 +183,9 @@ def turned(yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) 
     return rotation.ned_from_frd(*np.radians([yaw_deg, pitch_deg, roll_deg]))
 
 
-ULOG_TYPES = {"u64": "uint64_t", "f4": "float", "f8": "double", "i1": "int8_t", "u1": "uint8_t", "u2": "uint16_t",
-              "u4": "uint32_t", "b": "bool"}  # fmt: skip
-ULOG_PACK = {"u64": "Q", "f4": "f", "f8": "d", "i1": "b", "u1": "B", "u2": "H", "u4": "I", "b": "?"}
+ULOG_TYPES = {"u64": "uint64_t", "f4": "float", "f8": "double", "i1": "int8_t", "i4": "int32_t", "u1": "uint8_t",
+              "u2": "uint16_t", "u4": "uint32_t", "b": "bool"}  # fmt: skip
+ULOG_PACK = {"u64": "Q", "f4": "f", "f8": "d", "i1": "b", "i4": "i", "u1": "B", "u2": "H", "u4": "I", "b": "?"}
 
 
 def ulog(

@@ -1,7 +1,8 @@
 """Detections made elsewhere: frame, target, x_px, y_px [, sigma_px] [, time_s] become image tracks.
 
 Rows may come in any order, targets may be interleaved; what a target has in one frame must be one row. Columns that
-are not ours are ignored. A tracks.csv of our own is read too, the rows of the camera asked for.
+are not ours are ignored. A tracks.csv of our own is read too, the rows of the camera asked for, and the text files of
+multiple-object trackers (`mot`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import InputFileError
 from pipeline.export.tables.as_tracks import TRACK_COLUMNS, group_rows, read_tracks_csv
+from pipeline.export.tables.mot import is_mot, mot_tracks
 from pipeline.export.text.csv_reading import CsvTable, read_table
 from pipeline.records import TRACKED, ImageTrack
 
@@ -30,6 +32,8 @@ def read_detections_csv(
 
     Raises InputFileError with file, line, column, what was seen and what was expected.
     """
+    if is_mot(path):
+        return mot_tracks(path, camera=camera, frame_rate=frame_rate, least_sigma_px=default_sigma_px)
     needed = ("frame", "target", "x_px", "y_px")
     found = read_table(path, needed=needed, optional=("sigma_px", "time_s"), what="a table of detections")
     if set(TRACK_COLUMNS) <= set(found.columns):

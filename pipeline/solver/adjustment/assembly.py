@@ -32,6 +32,7 @@ class Linear:
     system  normal equations, gradient included, priors included
     cost    half the (robust) chi-square, priors included
     found   the blocks and the point as they were eliminated, None: worked out when somebody asks
+    data    system and cost without priors, for the same point under others; None: not kept
     """
 
     model: Model
@@ -41,6 +42,7 @@ class Linear:
     frame_gain: float
     kept: Floats | None = None
     found: tuple[Blocks, At] | None = None
+    data: tuple[Bordered, float] | None = None
 
     @cached_property
     def _where(self) -> tuple[Blocks, At]:
@@ -92,8 +94,19 @@ def linear(model: Model, state: State) -> Linear:
     system, prior_cost = add_priors(model, state, whole)
     return Linear(
         model=model, state=state, system=system, cost=cost + prior_cost, frame_gain=gain, kept=kept,
-        found=(blocks, at),
+        found=(blocks, at), data=(whole, cost),
     )  # fmt: skip
+
+
+def linear_again(model: Model, state: State, begun: Linear | None) -> Linear:
+    """`linear`, from one that differs in nothing but the priors' strengths where `begun` is such a one."""
+    if begun is None or begun.data is None or begun.state is not state:
+        return linear(model, state)
+    parts = ("frames", "basis", "drift", "pose", "loss", "order", "motion_free", "drift_free", "wander", "known")
+    if any(getattr(model, part) is not getattr(begun.model, part) for part in parts):
+        return linear(model, state)
+    system, prior_cost = add_priors(model, state, begun.data[0])
+    return replace(begun, model=model, system=system, cost=begun.data[1] + prior_cost)
 
 
 def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
@@ -272,8 +285,11 @@ def local_step(model: Model, here: Linear, step: Floats) -> Floats:
     """(B, L): the step of the local unknowns of every block."""
     places = global_places(model, here.blocks)
     chosen = np.where(places >= 0, step[places], 0.0)
-    out = []
-    for low in range(0, len(places), CHUNK_BLOCKS):
-        high = min(low + CHUNK_BLOCKS, len(places))
-        out.append((local_from_global(model, here.blocks, low, high) @ chosen[low:high, :, None])[..., 0])
-    return np.concatenate(out)
+    out, column = [], 0
+    for t in model.basis.targets:
+        wide = 3 * (t.degree + 1)
+        own = chosen[:, column : column + wide].reshape(len(places), 3, t.degree + 1)
+        out.append((own @ np.swapaxes(t.transform[here.blocks.span], 1, 2)).reshape(len(places), -1))
+        column += wide
+    out.append((here.blocks.local_from_camera @ chosen[:, column:, None])[..., 0])
+    return np.concatenate(out, axis=1)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
 from calibration.foundation.arrays import Floats
+from pipeline.solver.adjustment import _band, _kernels
 
 Complexes = npt.NDArray[np.complex128]
 T = TypeVar("T", Floats, Complexes)
@@ -141,6 +142,13 @@ def factorise(system: Bordered) -> Factor | None:
 
 
 def band_of_inverse(lower: T) -> T:
+    """`band_of_inverse_plain`, compiled where it can be and numbers are real."""
+    if lower.dtype == complex or not _kernels.AVAILABLE:
+        return band_of_inverse_plain(lower)
+    return np.asarray(np.ascontiguousarray(_band.inverse_band(np.ascontiguousarray(lower)).T))
+
+
+def band_of_inverse_plain(lower: T) -> T:
     """Band (w + 1, n) of K^-1, lower form, from the banded Cholesky factor `lower` of K (Takahashi's recursion).
 
     With K = L D L', K^-1 = D^-1 L^-1 + (I - L') K^-1, so column j of the band follows from the columns after it.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment import _assembly, _descent, _kernels
+from pipeline.solver.adjustment import _assembly, _band, _descent, _kernels
 from pipeline.solver.adjustment._descent import Course, Local
 from pipeline.solver.adjustment._kernels import Loosely, Observed, Point, Runs
 from pipeline.solver.adjustment.assembly import Linear
@@ -235,4 +235,5 @@ def warm() -> None:
     _, _, step = _descent.damped_step(corner, right, 1.0)
     _descent.tried(course, local.chain, step, f((1, 3)), camera)
     _descent.motion_alone(observed, course, camera, 1e-12, f((1, 3)))
+    _band.inverse_band(np.ones((1, 1)))
     carry(f((1, 6)), f(1), np.eye(3)[None], f((1, 3)))

@@ -2,6 +2,10 @@
 
 The damping is relative to the diagonal and follows Nielsen: divided by up to three where the quadratic model
 foretold the cost well, doubled and redoubled where it did not.
+
+Residuals that bend add to the curvature what J'J does not know. Where the last step showed more of it, the next one is
+shortened by as much (Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988, in the metric of J'J): with splines the cost's
+curvature is up to twice the foretold one, and full steps swing to and fro.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from pipeline.records import SolveStatus
 from pipeline.solver.adjustment import compiled_descent
-from pipeline.solver.adjustment.assembly import Linear, linear, moved
+from pipeline.solver.adjustment.assembly import Linear, linear, linear_again, moved
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.compiled_descent import is_dense
 from pipeline.solver.adjustment.log_poses import Renew
@@ -30,6 +34,9 @@ iterations); a step damped by no more than `NEARLY_FULL` is as good as the full 
 gain."""
 SMALLEST_DAMPING, GREATEST_DAMPING = 1e-15, 1e12
 """Relative: rounding of the matrix itself; where steps have become so short that there is no way on."""
+BENT, SHORTEST = 1.25, 0.4
+"""How many times the foretold curvature a step has to meet for the next to be shortened, and the shortest share of a
+step. Neither moves the optimum; doubling either makes splines swing again."""
 Progress = Callable[[int, float], None]
 
 
@@ -74,6 +81,11 @@ class Point(Protocol):
         """Half the robust chi-square, priors included."""
         ...
 
+    @property
+    def frame_gain(self) -> float:
+        """What moving the frames' own errors alone would take off the cost."""
+        ...
+
     def step(self, damping: float) -> tuple[Floats, float] | None:
         """The step (n + q,) at a relative damping and what it is foretold to take off the cost; None: not positive."""
         ...
@@ -98,6 +110,11 @@ class AnyPoint:
         """See `Point`."""
         return self.here.cost
 
+    @property
+    def frame_gain(self) -> float:
+        """See `Point`."""
+        return self.here.frame_gain
+
     def step(self, damping: float) -> tuple[Floats, float] | None:
         """See `Point`."""
         system = self.here.system
@@ -118,13 +135,18 @@ class AnyPoint:
         return self.here
 
 
-def levenberg_marquardt(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
-    """Minimise from `start`, until a step takes less than the share `small` off the cost."""
+def levenberg_marquardt(
+    model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL, begun: Linear | None = None
+) -> Fit:
+    """Minimise from `start`, until a step takes less than the share `small` off the cost.
+
+    `begun` is a linearisation at `start`, perhaps under other priors: it is taken where it holds.
+    """
     if descent.renew is not None:
         model = descent.renew(model, start)
     if is_dense(model):
         return _descended(compiled_descent.linearised(model, start), descent, small)
-    return _descended(AnyPoint(here=linear(model, start)), descent, small)
+    return _descended(AnyPoint(here=linear_again(model, start, begun)), descent, small)
 
 
 def levenberg_marquardt_plain(model: Model, start: State, descent: Descent = Descent(), *, small: float = SMALL) -> Fit:
@@ -136,18 +158,21 @@ def levenberg_marquardt_plain(model: Model, start: State, descent: Descent = Des
 
 def _descended(here: Point, descent: Descent, small: float) -> Fit:
     """The iteration itself."""
-    damping, growth = descent.damping, 2.0
+    damping, growth, share = descent.damping, 2.0, 1.0
     for iteration in range(1, descent.max_iterations + 1):
         found = here.step(damping)
         if found is not None:
             step, foretold = found
             if foretold <= small * here.cost and damping <= NEARLY_FULL:
                 return _fit(here, "converged", iteration)
-            there = here.tried(step, descent.renew)
+            there = here.tried(share * step, descent.renew)
+            shared = foretold - here.frame_gain
+            foretold = here.frame_gain + share * (2 - share) * shared
             if descent.progress is not None:
                 descent.progress(iteration, min(here.cost, there.cost))
             ratio = (here.cost - there.cost) / max(foretold, 1e-300)
             if np.isfinite(there.cost) and ratio > 0:
+                share = _share(share, here.cost - there.cost - here.frame_gain, shared)
                 done = abs(here.cost - there.cost) <= small * here.cost
                 here = there
                 if done:
@@ -156,10 +181,19 @@ def _descended(here: Point, descent: Descent, small: float) -> Fit:
                 continue
             if foretold <= small * here.cost:
                 return _fit(here, "converged", iteration)
+            share = 1.0
         damping, growth = damping * growth, growth * 2
         if damping > GREATEST_DAMPING:
             return _fit(here, "stalled", iteration)
     return _fit(here, "iteration-limit", descent.max_iterations)
+
+
+def _share(share: float, taken: float, foretold: float) -> float:
+    """The share of the next step, from what this one took off the cost and what the whole was foretold to."""
+    if not foretold > 0:
+        return 1.0
+    curvature = (2 * share * foretold - taken) / (share**2 * foretold)
+    return max(SHORTEST, 1 / curvature) if curvature > BENT else 1.0
 
 
 def _fit(here: Point, status: SolveStatus, iterations: int) -> Fit:

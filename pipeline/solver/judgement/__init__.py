@@ -3,6 +3,6 @@
 settings -> prior_tests, pose_sequences, misfit -> changes -> culprits -> words -> verdict
 """
 
-from pipeline.solver.judgement.verdict import judged, with_findings
+from pipeline.solver.judgement.verdict import judged, with_findings, with_refusal
 
-__all__ = ["judged", "with_findings"]
+__all__ = ["judged", "with_findings", "with_refusal"]

@@ -5,7 +5,7 @@ A change is applied to the records, never to the answer: what it would restore i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
 
@@ -15,7 +15,9 @@ import numpy.typing as npt
 from calibration.foundation.arrays import Bools, Floats
 from pipeline.solver.adjustment.elimination import PoseError
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.methods.parameters import model_with_basis, with_basis
 from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START
+from pipeline.solver.observation.motion_basis import build_basis
 from pipeline.solver.observation.observations import Frames
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -29,7 +31,15 @@ FREED: dict[str, tuple[list[int], float]] = {
 }
 """Columns of a camera's parameters, and the sigma (rad, m, log, s, relative, s) that stands for knowing nothing."""
 Kind = Literal[
-    "free", "without-target", "without-track", "without-part", "without-camera", "exchange", "step", "converted"
+    "free",
+    "motion",
+    "without-target",
+    "without-track",
+    "without-part",
+    "without-camera",
+    "exchange",
+    "step",
+    "converted",
 ]
 
 
@@ -76,6 +86,27 @@ def freed(model: Model, c: int, what: str) -> Change | None:
         return model.changed(priors=replace(model.priors, camera_precision=precision, camera_free=free))
 
     return Change(kind="free", camera=model.frames.cameras[c], what=what, price=8.0 + 4.0 * len(columns), apply=apply)
+
+
+RICHER, RICHEST = 2, 7
+"""Orders that a motion is given more, and the most it then has."""
+
+
+def richer(model: Model, targets: Sequence[int]) -> Change:
+    """Polynomials of `RICHER` more orders for `targets`."""
+    basis = model.basis
+    orders = [
+        min(t.degree + RICHER, RICHEST) if n in targets and t.kind == "polynomial" else t.degree
+        for n, t in enumerate(basis.targets)
+    ]
+    spacing_s = float(basis.grid_s[1] - basis.grid_s[0])
+    ends_s = np.array([[t.knots_s[0], t.knots_s[-1]] for t in basis.targets])
+    kinds = tuple(t.kind for t in basis.targets)
+    other = build_basis(model.frames.targets, kinds, tuple(orders), ends_s, spacing_s)
+    return Change(
+        kind="motion", targets=tuple(model.frames.targets[n] for n in targets), price=16.0,
+        apply=lambda model: model_with_basis(model, other), moved=lambda state: with_basis(model, state, other)[1],
+    )  # fmt: skip
 
 
 def _inverse(turn: Floats, place_m: Floats) -> tuple[Floats, Floats]:

@@ -19,14 +19,24 @@ from typing import Any
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from calibration.foundation.errors import RunningFixError
 from pipeline.records import Problem
 from pipeline.solver.adjustment.compiled_descent import is_dense
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
 from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.judgement.changes import CONVENTIONS, FREED, Change, converted, exchanged, freed, stepped, without
+from pipeline.solver.judgement.changes import (
+    CONVENTIONS,
+    FREED,
+    Change,
+    converted,
+    exchanged,
+    freed,
+    richer,
+    stepped,
+    without,
+)
 from pipeline.solver.judgement.misfit import Misfit, Misfits
 from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
 from pipeline.solver.methods.initialisation import graduated
@@ -34,11 +44,14 @@ from pipeline.solver.methods.intersection import intersect, intersect_weighted
 from pipeline.solver.observation.clocks import OFFSET, SCALE
 from pipeline.solver.observation.observations import Frames
 
-FRAMES = 400
+FRAMES = 200
 """Frames of a camera that take part in the search; twice as many take twice the time."""
 TRIALS, SLOW_TRIALS = 130, 40
 """Changes that are tried, and where splines or many unknowns make each slow."""
 ITERATIONS = 25
+RESTORED, EVIDENT = 4.0, 12.0
+"""z of unit weight below which a change counts as restoring the fit, and the z before from which on that is evidence:
+no more complicated changes are tried then."""
 GROSS = 30.0
 """z of unit weight from which on poses in another convention are tried; small errors are no conventions."""
 WORST, PAIRED = 4, 3
@@ -83,16 +96,22 @@ def search_culprits(
     base = levenberg_marquardt(fewer, point, descent)
     lost = 2.0 * float(model.frames.seen.sum() - fewer.frames.seen.sum())
     expected = max(misfits.whole.redundancy - lost, 1.0)
-    changes = list(suspected(base.model, misfits, sequences))
     most = TRIALS if is_dense(base.model) else SLOW_TRIALS
-    found = [e for change in changes[:most] if (e := _explained(change, base, expected, descent, clocks)) is not None]
+    found: list[Explained] = []
+    tried, cut = 0, False
+    for stage in suspected(base.model, misfits, sequences, ordered(problem)):
+        tries = [_explained(change, base, expected, descent, clocks) for change in stage[: most - tried]]
+        found += [e for e in tries if e is not None]
+        tried, cut = tried + len(tries), cut or len(stage) > most - tried
+        if misfits.whole.z > EVIDENT and any(e.z < RESTORED for e in found):
+            break
     best = max(found, key=lambda e: e.net, default=None)
     for change in _finer(best.change, base.model) if best is not None else ():
         nearby = _explained(change, base, expected, descent, clocks)
         if nearby is not None:
             found.append(nearby)
     worthy = sorted((e for e in found if e.net > 0), key=lambda e: -e.net)
-    return Searched(found=tuple(worthy), tried=min(len(changes), most), cut=len(changes) > most)
+    return Searched(found=tuple(worthy), tried=tried, cut=cut)
 
 
 def _explained(
@@ -147,33 +166,69 @@ def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
     )  # fmt: skip
 
 
-def suspected(model: Model, misfits: Misfits, sequences: Sequence[PoseSequence]) -> Iterator[Change]:
-    """The changes, the most promising first."""
-    frames = model.frames
-    cameras, targets = range(len(frames.cameras)), range(len(frames.targets))
+def ordered(problem: Problem) -> tuple[str, ...]:
+    """Targets whose motion's order was given, not found."""
+    return tuple(t.target for t in problem.targets if t.motion != "spline" and not t.is_asked)
+
+
+def suspected(
+    model: Model, misfits: Misfits, sequences: Sequence[PoseSequence], given: Sequence[str] = ()
+) -> Iterator[list[Change]]:
+    """The changes in stages, the simplest first; `given` are targets whose motion's order was given.
+
+    First what is set free, then what is exchanged, meant otherwise or left out as a whole, then what is wrong in part.
+    """
+    ranked = [model.frames.targets.index(m.target) for m in misfits.targets]
+    yield [*_freed(model), *_richer(model, [n for n in ranked if model.frames.targets[n] in given])]
+    cameras = range(len(model.frames.cameras))
+    converting = CONVENTIONS if misfits.whole.z > GROSS else ()
+    yield [
+        *(converted(model, c, convention) for convention in converting for c in cameras),
+        *_steps(model, sequences, ("position", "attitude", "offset")),
+        *_without_targets(model, ranked[:WORST]),
+        *_exchanges(model, ranked[:WORST]),
+        *(change for track in misfits.tracks[: 2 * WORST] for change in _without_track(model, track)),
+        *(_without_cameras(model) if len(cameras) > 2 else ()),
+    ]
+    yield [
+        *(change for track in misfits.tracks[:WORST] for change in _parts_of_track(model, track, quarters=True)),
+        *(change for track in misfits.tracks[WORST : 2 * WORST] for change in _parts_of_track(model, track)),
+        *_exchanges_half_way(model, ranked[:PAIRED]),
+    ]
+
+
+def _freed(model: Model) -> Iterator[Change]:
+    """Every block of every camera."""
     for what in FREED:
-        for c in cameras:
+        for c in range(len(model.frames.cameras)):
             change = freed(model, c, what)
             if change is not None:
                 yield change
-    ranked = [frames.targets.index(m.target) for m in misfits.targets]
-    if misfits.whole.z > GROSS:
-        yield from (converted(model, c, convention) for convention in CONVENTIONS for c in cameras)
-    yield from _steps(model, sequences, ("position", "attitude", "offset"))
-    for n in ranked[:WORST] if len(targets) > 1 else ():
-        hidden = np.zeros(frames.seen.shape, dtype=bool)
+
+
+def _richer(model: Model, given: Sequence[int]) -> Iterator[Change]:
+    """Motions whose order was given, all and each."""
+    plain = [n for n in given if model.basis.targets[n].kind == "polynomial"]
+    if plain:
+        yield richer(model, sorted(plain))
+    yield from (richer(model, [n]) for n in plain[:WORST] if len(plain) > 1)
+
+
+def _without_targets(model: Model, ranked: Sequence[int]) -> Iterator[Change]:
+    for n in ranked if len(model.frames.targets) > 1 else ():
+        hidden = np.zeros(model.frames.seen.shape, dtype=bool)
         hidden[:, n] = True
-        yield without(model, hidden, "without-target", targets=(frames.targets[n],))
-    yield from _exchanges(model, ranked[:WORST])
-    for rank, track in enumerate(misfits.tracks[: 2 * WORST]):
-        yield from _of_track(model, track, thorough=rank < WORST)
-    yield from _exchanges_half_way(model, ranked[:PAIRED])
-    if len(cameras) > 2:
-        for c in cameras:
-            hidden = np.zeros(frames.seen.shape, dtype=bool)
-            hidden[frames.of(c)] = True
-            if all(_seen_by(model, n) > 1 or not frames.seen[frames.of(c), n].any() for n in targets):
-                yield without(model, hidden, "without-camera", camera=frames.cameras[c])
+        yield without(model, hidden, "without-target", targets=(model.frames.targets[n],))
+
+
+def _without_cameras(model: Model) -> Iterator[Change]:
+    """Cameras without which every target is still seen by two, or by none."""
+    frames = model.frames
+    for c, name in enumerate(frames.cameras):
+        hidden = np.zeros(frames.seen.shape, dtype=bool)
+        hidden[frames.of(c)] = True
+        if all(_seen_by(model, n) > 1 or not frames.seen[frames.of(c), n].any() for n in range(len(frames.targets))):
+            yield without(model, hidden, "without-camera", camera=name)
 
 
 def _steps(model: Model, sequences: Sequence[PoseSequence], blocks: Sequence[str]) -> Iterator[Change]:
@@ -189,22 +244,33 @@ def _steps(model: Model, sequences: Sequence[PoseSequence], blocks: Sequence[str
                     yield stepped(model, c, since, what)
 
 
-def _of_track(model: Model, track: Misfit, *, thorough: bool) -> Iterator[Change]:
-    """A track left out, whole and in parts: from where its misfit began, or else by quarters."""
+def _track(model: Model, track: Misfit) -> tuple[int, int, Bools]:
+    """Camera, target and sightings (F, N) of a track."""
     frames = model.frames
     c, n = frames.cameras.index(track.camera), frames.targets.index(track.target)
     hidden = np.zeros(frames.seen.shape, dtype=bool)
     hidden[frames.of(c), n] = True
+    return c, n, hidden
+
+
+def _without_track(model: Model, track: Misfit) -> Iterator[Change]:
+    _, n, hidden = _track(model, track)
     if _seen_by(model, n) > 2:
         yield without(model, hidden, "without-track", camera=track.camera, targets=(track.target,))
+
+
+def _parts_of_track(model: Model, track: Misfit, *, quarters: bool = False) -> Iterator[Change]:
+    """A track left out from where its misfit began, or by quarters and before its middle."""
+    frames, (c, n, hidden) = model.frames, _track(model, track)
     own = frames.frame[frames.of(c)][frames.seen[frames.of(c), n]]
     places = {track.since_frame} if track.since_frame is not None else set()
-    if thorough and len(own) > 12:
+    quarters = quarters and len(own) > 12
+    if quarters:
         places |= {int(own[len(own) * k // 4]) for k in (1, 2, 3)}
     for since in sorted(places):
         after = hidden & (frames.frame[:, None] >= since)
         yield without(model, after, "without-part", since_frame=since, camera=track.camera, targets=(track.target,))
-    if thorough and len(own) > 12:
+    if quarters:
         middle = int(own[len(own) // 2])
         before = hidden & (frames.frame[:, None] < middle)
         yield without(model, before, "without-part", until_frame=middle, camera=track.camera, targets=(track.target,))
@@ -282,7 +348,7 @@ def _tried(change: Change, base: Fit, descent: Descent, clocks: Sequence[Clocks]
 
 
 def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]) -> list[State]:
-    out = [state] if change.kind in ("free", "step", "without-target", "without-camera") else []
+    out = [state] if change.kind in ("free", "motion", "step", "without-target", "without-camera") else []
     if change.kind == "step":
         return out
     plain = np.where(model.priors.camera_free, model.priors.camera_mean, state.camera)
@@ -300,11 +366,12 @@ def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]
 
 
 def _removed(base: Model, changed: Model) -> float:
-    """What the expectation of chi-square falls by: two for each sighting less, less idle unknowns."""
+    """What the expectation of chi-square falls by: two for each sighting less, less idle unknowns; new ones."""
     less = 2.0 * float(base.frames.seen.sum() - changed.frames.seen.sum())
     gone = [
         3.0 * t.count
         for n, t in enumerate(changed.basis.targets)
         if t.kind == "polynomial" and base.frames.seen[:, n].any() and not changed.frames.seen[:, n].any()
     ]
-    return less - sum(gone)
+    more = [3.0 * (other.count - t.count) for t, other in zip(base.basis.targets, changed.basis.targets, strict=True)]
+    return less - sum(gone) + sum(more)

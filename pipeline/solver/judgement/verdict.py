@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats
+from calibration.foundation.errors import GeometryError
 from pipeline.records import DepthRange, Finding, Grade, Problem, Reason, Solution, Verdict, worst
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.changes import FREED
-from pipeline.solver.judgement.culprits import Clocks, Explained, Searched, search_culprits
+from pipeline.solver.judgement.culprits import RESTORED, Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
@@ -35,8 +36,6 @@ from pipeline.solver.judgement.words import (
 )
 from pipeline.solver.methods.results import Outcome
 
-RESTORED = 4.0
-"""z of unit weight below which a change counts as restoring the fit."""
 NAMED = 3
 """Suspects that are named."""
 FURTHER = 6
@@ -285,13 +284,20 @@ SPOKEN = {
     "low-weights": 'look at the tracks of that camera; with that many outliers use robust = "cauchy"',
 }
 """Findings that lower the verdict to "care", with their advice."""
+REMARKED = {
+    "seen-by-one": "two cameras that see it then would carry on; or on_ground with [ground], where it drives",
+    "motion-richer": 'write motion = "auto" or "spline" for it',
+}
+"""Findings that are told beside it, with their advice."""
 
 
 def _spoken(findings: Iterable[Finding]) -> list[Reason]:
+    grades: dict[str, tuple[Grade, str]] = {kind: ("care", advice) for kind, advice in SPOKEN.items()}
+    grades |= {kind: ("good", advice) for kind, advice in REMARKED.items()}
     return [
-        Reason(kind=f.kind, subject=f.subject, words=f.words, grade="care", advice=SPOKEN[f.kind])
+        Reason(kind=f.kind, subject=f.subject, words=f.words, grade=grades[f.kind][0], advice=grades[f.kind][1])
         for f in findings
-        if f.kind in SPOKEN
+        if f.kind in grades
     ]
 
 
@@ -300,6 +306,17 @@ def with_findings(solution: Solution, findings: tuple[Finding, ...]) -> Solution
     reasons = (*solution.verdict.reasons, *_spoken(findings))
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=reasons)
     return replace(solution, findings=(*findings, *solution.findings), verdict=verdict)
+
+
+def with_refusal(solution: Solution, error: GeometryError) -> Solution:
+    """The solution with what its geometry seems to leave open, last among the reasons."""
+    reason = Reason(
+        kind="undetermined", subject=error.where.removeprefix("target ").removeprefix("camera "), grade="bad",
+        words=f"as solved, {error.where} is not determined: {error.seen}; that may be false where more contradicts it",
+        advice=error.advice,
+    )  # fmt: skip
+    verdict = Verdict(grade="bad", reasons=(*solution.verdict.reasons, reason))
+    return replace(solution, verdict=verdict)
 
 
 def _depths(depths: Iterable[DepthRange]) -> list[Reason]:

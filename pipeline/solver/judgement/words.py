@@ -54,6 +54,7 @@ ADVICE = {
     "sigma.start_s",
     "place": "likely: boxes around different parts of the target in different cameras. Draw them alike, or raise "
     "sigma.place",
+    "motion": 'leave motion and order out (motion = "auto" lets the data say), or give a higher order',
     "exchange": "exchange their names in that camera's boxes or tracks and solve again",
     "target": "look at its tracks in every camera: another thing under the same name, a box drawn in the wrong video, "
     "a tracker that slid away; leave it out or draw its boxes again",
@@ -126,6 +127,8 @@ def change_words(change: Change) -> Told:
             return Told(words=words, advice=ADVICE["time-lost"])
         words = f"the {change.what} of {change.camera} jumps at about frame {change.since_frame}"
         return Told(words=words, advice=ADVICE["step"])
+    if change.kind == "motion":
+        return Told(words=f"the motion of {names} is richer than the order that was given", advice=ADVICE["motion"])
     if change.kind == "exchange":
         since = "" if change.since_frame is None else f" from about frame {change.since_frame} on"
         return Told(words=f"{names} look exchanged in {change.camera}{since}", advice=ADVICE["exchange"])

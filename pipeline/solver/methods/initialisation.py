@@ -183,14 +183,15 @@ def without(frames: Frames, whole: Frames, hidden: Bools) -> Frames:
     )  # fmt: skip
 
 
-def left_out(whole: Frames, frames: Frames) -> tuple[Finding, ...]:
-    """A finding for every camera of whose sightings some were never used."""
+def left_out(whole: Frames, frames: Frames, told: Bools | None = None) -> tuple[Finding, ...]:
+    """A finding for every camera of whose sightings some, but for those `told` (F, N) already, were never used."""
     if frames is whole:
         return ()
+    missing = whole.seen & ~frames.seen if told is None else whole.seen & ~frames.seen & ~told
     out = []
     for c, name in enumerate(frames.cameras):
         part = frames.of(c)
-        count = int((whole.seen[part] & ~frames.seen[part]).sum())
+        count = int(missing[part].sum())
         if count:
             out.append(
                 Finding(

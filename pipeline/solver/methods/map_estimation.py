@@ -9,6 +9,7 @@ covariance  plain and cluster-robust
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +29,9 @@ from pipeline.solver.methods.initialisation import (
     residuals,
     statistical_start,
 )
+from pipeline.solver.methods.lone_stretches import Lone, confined, told
 from pipeline.solver.methods.model_selection import choose_motions
-from pipeline.solver.methods.parameters import BEND, first_choice
+from pipeline.solver.methods.parameters import BEND, MotionChoice, first_choice
 from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
 from pipeline.solver.methods.results import Outcome
 from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
@@ -40,7 +42,7 @@ from pipeline.solver.uncertainty.covariance import Inverse, sandwich
 
 ROUNDS, SETTLED = 4, 0.05
 """Rounds in which the priors' strengths are estimated, and the relative change that ends them."""
-WARM, ROUGHLY, FINELY = 1e-5, 1e-5, 1e-7
+WARM, ROUGHLY, FINELY = 1e-9, 1e-5, 1e-7
 """Damping of an adjustment that begins near its optimum; the relative change of the cost that ends one whose optimum is
 still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
 
@@ -85,14 +87,16 @@ def adjust(
         if fit.status == "iteration-limit" and len(found) > 1:
             fit = continued(fit, descent)
         fit, outliers = with_bounded_loss(fit, settings, descent)
+        fit, alone = without_lone_stretches(fit, choice, warm)
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)
-        chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]))
+        chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]), alone)
         fit = with_estimated_priors(chosen.fit, descent)
         if has_estimated_priors(fit):
             fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
-        return Settled(fit=fit, findings=(*outliers, *chosen.findings, *clocks, *wanders))
+        findings = (*outliers, *chosen.findings, *clocks, *wanders, *told(alone, fit))
+        return Settled(fit=fit, findings=findings, lone=alone.sighting)
 
     beginning = Beginning(
         problem=problem, settings=settings, frames=frames, choice=choice, descent=descent, small=small
@@ -101,8 +105,17 @@ def adjust(
     settled, restarts = best_of(settle(fit), beginning, found[:1], found[TRIED:], settle)
     return Adjusted(
         fit=settled.fit, candidates=ranked,
-        findings=(*ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames)),
+        findings=(*ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames, settled.lone)),
     )  # fmt: skip
+
+
+def without_lone_stretches(fit: Fit, choice: MotionChoice, descend: Callable[[Model, State], Fit]) -> tuple[Fit, Lone]:
+    """The adjustment without what one camera alone sees of splines; see `lone_stretches`."""
+    model, state, alone = confined(fit.model, fit.state, choice)
+    if model is fit.model:
+        return fit, alone
+    again = descend(model, state)
+    return replace(again, iterations=fit.iterations + again.iterations), alone
 
 
 def with_bounded_loss(fit: Fit, settings: SolverSettings, descent: Descent) -> tuple[Fit, tuple[Finding, ...]]:
@@ -121,7 +134,7 @@ def with_bounded_loss(fit: Fit, settings: SolverSettings, descent: Descent) -> t
 
 def continued(fit: Fit, descent: Descent, small: float = SMALL) -> Fit:
     """More iterations from where a fit ended."""
-    again = levenberg_marquardt(fit.model, fit.state, descent, small=small)
+    again = levenberg_marquardt(fit.model, fit.state, descent, small=small, begun=fit.linear)
     return replace(again, iterations=fit.iterations + again.iterations)
 
 

@@ -28,6 +28,8 @@ from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
+from pipeline.solver.methods.initialisation import residual_lengths
+from pipeline.solver.methods.lone_stretches import Lone
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import common_time_s
 
@@ -51,47 +53,48 @@ class Chosen:
 
 
 def choose_motions(
-    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, simple: Callable[[], Fit]
+    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, simple: Callable[[], Fit], alone: Lone
 ) -> Chosen:
     """From an adjustment with splines for all targets whose motion the data shall say.
 
-    `simple` is another one, with parabolas: where little tells the time, splines may have lost their way.
+    `simple` is another one, with parabolas: where little tells the time, splines may have lost their way. `alone` is
+    what one camera alone sees, which splines do without.
     """
-    asked = {n: t.motion == "auto" for n, t in enumerate(problem.targets) if t.is_asked}
+    asked = [n for n, t in enumerate(problem.targets) if t.is_asked]
     if not asked:
         return Chosen(choice=choice, fit=fit, findings=())
     lone = [n for n in asked if choice.kinds[n] == "polynomial"]
-    choice, fit = _raised(choice, fit, lone, descend)
-    findings = tuple(_reason(problem, choice, n) for n in lone)
-    asked = {n: free for n, free in asked.items() if n not in lone}
-    beyond = _beyond(fit, [n for n, free in asked.items() if free])
-    tried = [n for n, free in asked.items() if not free or beyond[n] > SCREENED]
+    choice, fit = _raised(choice, fit, lone, descend, alone)
+    free = [n for n in asked if n not in lone]
+    beyond = _beyond(fit, free)
+    tried = [n for n in free if beyond[n] > SCREENED]
     found = choice, fit
     starts = [fit, _alike(simple(), fit)] if tried else []
     while tried:
-        lowered = _lowered(choice, starts, tried, descend)
-        rich = [n for n in tried if asked[n] and (lowered is None or lowered.orders[n] > HIGHEST)]
+        lowered = _lowered(choice, starts, tried, descend, alone)
+        rich = [n for n in tried if lowered is None or lowered.orders[n] > HIGHEST]
         if lowered is not None and not rich:
-            held = _held(choice, fit, lowered, {n for n in tried if not asked[n]}, descend)
-            if held is not None:
+            held = _held(choice, fit, lowered, descend, alone)
+            if not isinstance(held, dict):
                 found = held
                 break
-        if not rich:
-            rich = [n for n in tried if asked[n]]
-            rich = [min(rich, key=lambda n: (beyond[n], problem.targets[n].target))] if rich else tried
+            beyond = {**beyond, **held}
+            rich = [min(tried, key=lambda n: (beyond[n], problem.targets[n].target))]
         tried = [n for n in tried if n not in rich]
     choice, fit = found
-    return Chosen(choice=choice, fit=fit, findings=(*findings, *(_reason(problem, choice, n) for n in asked)))
+    return Chosen(choice=choice, fit=fit, findings=tuple(_reason(problem, choice, n) for n in (*lone, *free)))
 
 
-def _raised(choice: MotionChoice, fit: Fit, lone: Sequence[int], descend: Descend) -> tuple[MotionChoice, Fit]:
+def _raised(
+    choice: MotionChoice, fit: Fit, lone: Sequence[int], descend: Descend, alone: Lone
+) -> tuple[MotionChoice, Fit]:
     """Targets that one camera alone sees: still, unless the data mind; the one that minds most is raised first."""
     while True:
         trials = []
         for n in lone:
             if choice.orders[n] < MOST_LONE:
                 wanted = {n: choice.orders[n] + 1}
-                trials.append((with_orders(choice, wanted), _adjusted(choice, fit, wanted, descend)))
+                trials.append((with_orders(choice, wanted), _adjusted(choice, fit, wanted, descend, alone)))
         best = min(trials, key=lambda trial: trial[1].cost, default=None)
         if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < DEAR:
             return choice, fit
@@ -163,10 +166,12 @@ def _unit(fit: Fit) -> float:
     return max(1.0, 2 * data_cost(fit) / equations)
 
 
-def _lowered(choice: MotionChoice, starts: Sequence[Fit], tried: Sequence[int], descend: Descend) -> _Lowered | None:
+def _lowered(
+    choice: MotionChoice, starts: Sequence[Fit], tried: Sequence[int], descend: Descend, alone: Lone
+) -> _Lowered | None:
     """Orders of the targets `tried`, lowered from `TRIED` as far as the data let them."""
     orders = {n: _highest(starts[0], n) for n in tried}
-    raised = min((_adjusted(choice, start, orders, descend) for start in starts), key=lambda fit: fit.cost)
+    raised = min((_adjusted(choice, start, orders, descend, alone) for start in starts), key=lambda fit: fit.cost)
     factor = factorise(raised.linear.system)
     if factor is None or raised.status == "stalled":
         return None
@@ -211,11 +216,12 @@ def _highest(fit: Fit, target: int) -> int:
     return max(0, min(allowed, (2 * sightings) // 6 - 1))
 
 
-def _adjusted(choice: MotionChoice, fit: Fit, orders: dict[int, int], descend: Descend) -> Fit:
+def _adjusted(choice: MotionChoice, fit: Fit, orders: dict[int, int], descend: Descend, alone: Lone) -> Fit:
     """The adjustment with polynomials of these orders."""
     wanted = with_orders(choice, orders)
+    shown = alone.without(fit.model.frames, [n for n, kind in enumerate(wanted.kinds) if kind == "spline"])
     time = common_time_s(fit.model.frames, fit.model.drift, fit.state.camera, fit.state.deviation)
-    model, state = with_basis(fit.model, fit.state, basis_at(fit.model.frames, wanted, time))
+    model, state = with_basis(fit.model.changed(frames=shown), fit.state, basis_at(shown, wanted, time))
     found = descend(model, state)
     return replace(found, iterations=fit.iterations + found.iterations)
 
@@ -227,23 +233,35 @@ def with_orders(choice: MotionChoice, orders: dict[int, int]) -> MotionChoice:
 
 
 def _held(
-    choice: MotionChoice, splines: Fit, lowered: _Lowered, bound: set[int], descend: Descend
-) -> tuple[MotionChoice, Fit] | None:
-    """The polynomials adjusted, where they fit as well as the splines; `bound` targets have to be polynomials."""
+    choice: MotionChoice, splines: Fit, lowered: _Lowered, descend: Descend, alone: Lone
+) -> tuple[MotionChoice, Fit] | dict[int, float]:
+    """The polynomials adjusted, where they fit as well as the splines; else of each, the less the more it minds."""
     orders = {n: min(k, HIGHEST) for n, k in lowered.orders.items()}
-    while True:
-        fit = _adjusted(choice, lowered.raised, orders, descend)
-        if fit.status == "stalled":
-            return None
-        saved = redundancy_left(fit) - redundancy_left(splines)
-        worse = 2 * (data_cost(fit) - data_cost(splines)) / _unit(splines)
-        if worse <= chi2.isf(CHANCE, max(saved, 3.0)) or bound:
-            return with_orders(choice, orders), fit
-        return None
+    fit = _adjusted(choice, lowered.raised, orders, descend, alone)
+    if fit.status == "stalled":
+        return {}
+    saved = redundancy_left(fit) - redundancy_left(splines)
+    worse = 2 * (data_cost(fit) - data_cost(splines)) / _unit(splines)
+    if worse <= chi2.isf(CHANCE, max(saved, 3.0)):
+        return with_orders(choice, orders), fit
+    minded = _squares(fit) - _squares(splines)
+    return {n: -float(minded[n]) for n in orders}
+
+
+def _squares(fit: Fit) -> Floats:
+    """(N,) of each target, squared residuals beyond two for every sighting."""
+    seen, loss = fit.model.frames.seen, fit.model.loss
+    beyond = loss.cost(residual_lengths(fit.model, fit.state) ** 2) - 2
+    return np.asarray(np.bincount(np.nonzero(seen)[1], weights=beyond, minlength=seen.shape[1]), np.float64)
 
 
 def _reason(problem: Problem, choice: MotionChoice, n: int) -> Finding:
     target, order = problem.targets[n].target, choice.orders[n]
+    if choice.kinds[n] == "spline" and problem.targets[n].motion == "polynomial":
+        words = (
+            f"no polynomial up to order {HIGHEST} fits the sightings of {target}: it is given a free motion (a spline)"
+        )
+        return Finding(kind="motion-richer", subject=target, words=words, carried_by=f"targets.{target}.motion")
     if choice.kinds[n] == "spline":
         words = f"{target} is given a free motion (a spline): no polynomial up to order {HIGHEST} fits its sightings"
     else:

@@ -197,16 +197,20 @@ def first_model(
     return model, state
 
 
+def model_with_basis(model: Model, basis: MotionBasis) -> Model:
+    """The model with another motion basis, its priors' strengths read from the old spans."""
+    jerk = model.priors.jerk[:, model.basis.span(basis.mid_s)]
+    return model.changed(basis=basis, priors=replace(model.priors, jerk=jerk))
+
+
 def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, State]:
     """The same motion as well as another basis can say it: fitted to its positions, four for every coefficient."""
-    jerk = model.priors.jerk[:, model.basis.span(basis.mid_s)]
-    changed = model.changed(basis=basis, priors=replace(model.priors, jerk=jerk))
+    changed = model_with_basis(model, basis)
     coefficients = np.zeros((basis.count, 3))
     for n, t in enumerate(basis.targets):
         old = model.basis.targets[n]
-        low, high = max(t.knots_s[0], old.knots_s[0]), min(t.knots_s[-1], old.knots_s[-1])
-        time = np.linspace(low, high, 4 * t.count + 8)
-        wanted = model.basis.position(time, state.coefficients)[:, n]
+        time = np.linspace(t.knots_s[0], t.knots_s[-1], 4 * t.count + 8)
+        wanted = _going_on(model.basis, state, n, time, old.knots_s[0], old.knots_s[-1])
         unit = np.zeros((len(time), t.count))
         span = basis.span(time)
         u = (time - basis.mid_s[span]) / basis.half_s[span]
@@ -214,3 +218,12 @@ def with_basis(model: Model, state: State, basis: MotionBasis) -> tuple[Model, S
         unit[np.arange(len(time))[:, None], t.active[span][:, None] - t.first + np.arange(t.degree + 1)] = value
         coefficients[t.first : t.first + t.count] = np.linalg.lstsq(unit, wanted, rcond=None)[0]
     return changed, replace(state, coefficients=coefficients)
+
+
+def _going_on(basis: MotionBasis, state: State, n: int, time_s: Floats, low: float, high: float) -> Floats:
+    """(n, 3) positions of a target, beyond `low` and `high` straight on as it was going there."""
+    inside = np.clip(time_s, low, high)
+    here = basis.position(inside, state.coefficients)[:, n]
+    step_s = np.where(inside < 0.5 * (low + high), 1.0, -1.0) * 1e-3 * (high - low)
+    velocity = (basis.position(inside + step_s, state.coefficients)[:, n] - here) / step_s[:, None]
+    return np.asarray(here + velocity * (time_s - inside)[:, None])

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from calibration.foundation.arrays import Bools
 from calibration.foundation.errors import GeometryError
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
@@ -44,10 +45,14 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Settled:
-    """An adjustment with motions, clocks' drifts, wandering poses and strengths of priors as the data say, and why."""
+    """An adjustment with motions, clocks' drifts, wandering poses and strengths of priors as the data say, and why.
+
+    lone  (F, N) sightings that no other camera's is near to
+    """
 
     fit: Fit
     findings: tuple[Finding, ...] = ()
+    lone: Bools | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -26,6 +26,7 @@ from pipeline.records import CameraInput, Finding, Problem
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import Model, State, pose_error
+from pipeline.solver.methods.goodness_of_fit import misfit
 from pipeline.solver.methods.parameters import is_still, pose_errors
 from pipeline.solver.observation.clocks import FOCAL, POS, ROT, common_time_s
 from pipeline.solver.observation.observations import Frames
@@ -48,6 +49,8 @@ TIMES, SIZES, STEPS = (1 / 3, 3.0), (0.4, 2.5), 2
 """What correlation time and size are multiplied by as long as it helps, so many times at most."""
 CLEARLY = 3.0
 """Log likelihood that a process must be worth where no part of the claim is missing: twenty times as likely."""
+EXPLAINED = 2.0
+"""Chi-square per degree of freedom up to which a process of the first size is taken to explain a misfit."""
 Descend = Callable[[Model, State], Fit]
 
 
@@ -85,13 +88,15 @@ def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[
     if parts:
         both = {**parts, **agreed}
         found = _with(problem, fit, both, MISSED, descend)
+        if not _helped(found):
+            return fit, ()
         return found, tuple(_told(problem.cameras[c], both[c], MISSED) for c in both)
     if agreed:
         both = agreed
         trials = [(p, _with(problem, fit, both, p, descend)) for p in _first(both)]
         chosen, found = max(trials, key=lambda trial: likelihood(trial[1]))
         best = likelihood(found)
-        if best <= likelihood(fit) + CLEARLY:
+        if best <= likelihood(fit) + CLEARLY or not _helped(found):
             return fit, ()
     else:
         return fit, ()
@@ -104,6 +109,11 @@ def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[
                     break
                 best, found, chosen = likelihood(trial), trial, other
     return found, tuple(_told(problem.cameras[c], both[c], chosen) for c in both)
+
+
+def _helped(fit: Fit) -> bool:
+    """Whether a process explains the misfit: where it does not, a mistake does, which it would only hide."""
+    return misfit(fit)[0] < EXPLAINED
 
 
 def _is_given(camera: CameraInput) -> bool:

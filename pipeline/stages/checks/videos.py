@@ -45,12 +45,11 @@ def _boxes(flight: Flight, name: str, times: VideoTimes) -> list[Doubt]:
     found = []
     width, height = times.image_size
     for target in flight.targets:
-        box = target.boxes.get(name)
-        if box is None:
-            continue
-        late = box.frame >= times.frames
-        outside = box.x < 0 or box.y < 0 or box.x + box.width > width or box.y + box.height > height
-        if late or outside:
+        for box in target.labels.get(name, ()):
+            late = box.frame >= times.frames
+            outside = box.x < 0 or box.y < 0 or box.x + box.width > width or box.y + box.height > height
+            if not late and not outside:
+                continue
             seen = f"frame {box.frame}" if late else f"box [{box.x:g}, {box.y:g}, {box.width:g}, {box.height:g}]"
             expected = f"frames 0 to {times.frames - 1}" if late else f"a box inside the {width} x {height} picture"
             found.append(

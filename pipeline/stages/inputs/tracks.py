@@ -20,12 +20,12 @@ from pipeline.tracking import TrackingSettings, VideoTracks, track_video, write_
 DEFAULT_PIXEL_SIGMA = 1.0
 
 
-def boxes_of(flight: Flight, camera: CameraSettings) -> dict[str, Box]:
-    """First boxes of every target in one camera.
+def boxes_of(flight: Flight, camera: CameraSettings) -> dict[str, tuple[Box, ...]]:
+    """The boxes of every target in one camera.
 
     Raises UsageError where there are none.
     """
-    boxes = {t.name: t.boxes[camera.name] for t in flight.targets if camera.name in t.boxes}
+    boxes = {t.name: t.labels[camera.name] for t in flight.targets if camera.name in t.labels}
     if not boxes:
         raise UsageError(
             where=flight.key(camera.name, "video"),

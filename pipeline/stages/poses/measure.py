@@ -30,6 +30,7 @@ from pipeline.telemetry import (
     log_seconds,
     log_sigma,
     log_span,
+    position_worth,
     resolve_start,
     table_poses,
     utc_at,
@@ -126,7 +127,10 @@ def _from_log(
         )
 
     utc = utc_at(log, start)
-    sigma = sigma_in_force(camera, log_sigma(log), knows_utc=utc is not None)
+    span = (float(log_time_s.min()), float(log_time_s.max())) if len(log_time_s) else None
+    sigma = sigma_in_force(camera, log_sigma(log, span), knows_utc=utc is not None)
+    if not {"position_bias_m", "position_m"} <= set(camera.sigma):
+        notes = (*notes, *position_worth(log, span).notes)
     if found is not None and found.sigma_s is not None and "start_s" not in camera.sigma:
         sigma = replace(sigma, start_s=found.sigma_s)
     elif camera.start == CAMERA_EVENT and "start_s" not in camera.sigma:

@@ -52,7 +52,7 @@ def build_problem(
         own_sigma = with_focal(pose.sigma, flight.camera(pose.camera).sigma, models[pose.camera], rays)
         if own_sigma.focal > 0:
             rays = replace(rays, focal_effect=focal_effect(models[pose.camera], rays.direction_cam))
-        inputs.append(_camera(flight, replace(pose, sigma=own_sigma), rays, measured))
+        inputs.append(camera_input(flight, replace(pose, sigma=own_sigma), rays, measured))
     _check_common(flight, inputs)
     problem = Problem(cameras=tuple(inputs), targets=targets, reference_camera=flight.reference_camera)
     return BuiltProblem(problem=problem, models=models, notes=tuple(notes))
@@ -80,7 +80,10 @@ def _targets(flight: Flight, tracks: Sequence[ImageTrack]) -> tuple[TargetInput,
     return tuple(TargetInput(target=name) for name in seen)
 
 
-def _camera(flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]) -> CameraInput:
+def camera_input(
+    flight: Flight, pose: MeasuredPoses, rays: SightRays, measured: Sequence[MeasuredPoses]
+) -> CameraInput:
+    """One camera as solver and matching get it: rays, their poses, and the first guess of its offset."""
     settings = flight.camera(pose.camera)
     base = poses_of(flight, pose, np.unique(rays.frame))
     offset, sigma = settings.offset_s, pose.sigma

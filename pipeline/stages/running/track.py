@@ -103,7 +103,7 @@ def _keys(flight: Flight) -> dict[str, str]:
     for name in _tracked(flight):
         camera = flight.camera(name)
         assert camera.video is not None
-        boxes = {target: asdict(box) for target, box in boxes_of(flight, camera).items()}
+        boxes = {target: [asdict(box) for box in labels] for target, labels in boxes_of(flight, camera).items()}
         keys[name] = key_of({
             "camera": name, "video": file_hash(camera.video) if camera.video.exists() else None, "boxes": boxes,
             "tracker": camera.tracker, "stream": camera.video_stream, "frame_rate": camera.frame_rate,

@@ -8,7 +8,7 @@ from pipeline.telemetry.dataflash.boots import continued
 from pipeline.telemetry.dataflash.camera_events import camera_events
 from pipeline.telemetry.dataflash.gimbal import gimbal_attitude
 from pipeline.telemetry.dataflash.parameters import system_of
-from pipeline.telemetry.dataflash.position import vehicle_position
+from pipeline.telemetry.dataflash.position import receiver_of, simulated, vehicle_position
 from pipeline.telemetry.dataflash.utc import utc_clock
 from pipeline.telemetry.log.flight_log import (
     FlightLog,
@@ -37,5 +37,7 @@ def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
         camera_event_source=source,
         utc=utc_clock(raw),
         accuracy=stated_accuracy(raw),
+        receiver=receiver_of(raw),
+        truth=simulated(raw),
         notes=(*raw.notes, *height_notes, *gimbal_notes),
     )

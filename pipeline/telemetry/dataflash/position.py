@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.geometry import rotation
 from pipeline.telemetry.dataflash.local_position import local_position
 from pipeline.telemetry.dataflash.parameters import parameters_of
 from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, time_of
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
+    TruthSeries,
 )
-from pipeline.telemetry.log.series import position_series
+from pipeline.telemetry.log.receiver import ReceiverSeries, at_times, receiver_series
+from pipeline.telemetry.log.series import attitude_series, position_series
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
 POSITION_MESSAGES = ("POS", "XKF1", "GPS", "AHR2")
@@ -58,6 +61,38 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
         velocity_ned_mps=velocity,
         above_home_m=table.floats("RelHomeAlt" if "RelHomeAlt" in table else "RelAlt"),
     )
+
+
+def receiver_of(raw: RawLog) -> ReceiverSeries | None:
+    """The fix, accuracy and height over time of the receiver in use."""
+    table, stated = gps_in_use(raw), accuracy_in_use(raw)
+    if table is None:
+        return None
+    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
+    time, nothing = time_of(table), np.full(len(table), np.nan)
+    across, up = (
+        nothing if stated is None else at_times(time, time_of(stated), stated.floats(name)) for name in ("HAcc", "VAcc")
+    )
+    return receiver_series(
+        source=table.name, time_s=time, fix=table.floats("Status"), horizontal_m=across, vertical_m=up,
+        height_m=on_ellipsoid(table.floats("Alt"), undulation, table.floats("Lat"), table.floats("Lng"))[1],
+    )  # fmt: skip
+
+
+def simulated(raw: RawLog) -> TruthSeries | None:
+    """The simulator's truth: SIM, heights above mean sea level."""
+    table = raw.table("SIM")
+    if table is None:
+        return None
+    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
+    time, lat, lon = time_of(table), table.floats("Lat"), table.floats("Lng")
+    roll, pitch, yaw = (np.radians(table.floats(name)) for name in ("Roll", "Pitch", "Yaw"))
+    q = rotation.ned_from_frd(yaw, pitch, roll)
+    return TruthSeries(
+        source="SIM", time_s=time, lat_rad=np.radians(lat), lon_rad=np.radians(lon),
+        height_m=on_ellipsoid(table.floats("Alt"), undulation, lat, lon)[1],
+        attitude=attitude_series(source="SIM", time_s=time, ned_from_body=q),
+    )  # fmt: skip
 
 
 def _local(raw: RawLog, undulation: Undulation | None) -> PositionSeries | None:

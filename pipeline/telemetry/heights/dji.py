@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.telemetry.heights.egm96 import geoid_height_m
+from pipeline.telemetry.heights.geoid import geoid_height_m, geoid_name
 from pipeline.telemetry.heights.takeoff import HOME_NOTE
 from pipeline.telemetry.log.flight_log import Datum
 
@@ -43,7 +43,7 @@ def dji_heights(absolute_m: Floats, above_home_m: Floats, lat_deg: Floats, lon_d
             above = geoid_height_m(np.radians(lat_deg), np.radians(lon_deg))
             return DJIHeights(
                 datum="ellipsoid",
-                words="altitude, taken as above mean sea level, + undulation by EGM96",
+                words=f"altitude, taken as above mean sea level, + undulation by {geoid_name()}",
                 height_m=absolute_m + above,
                 sigma_m=ABSOLUTE_SIGMA_M,
                 notes=(f"DJI's altitude is by its barometer: {ABSOLUTE_SIGMA_M:.0f} m, one sigma, as a whole",),

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.foundation.errors import UsageError
-from pipeline.telemetry.heights.egm96 import geoid_height_m
+from pipeline.telemetry.heights.geoid import geoid_height_m, geoid_name
 from pipeline.telemetry.log.flight_log import FlightLog
 
 
 def with_takeoff(log: FlightLog, height_m: float, *, above_sea: bool, where: str) -> FlightLog:
     """The log with heights by its own heights above home and a take-off place at `height_m`.
 
-    `above_sea`: above mean sea level (EGM96 brings it to the ellipsoid), else above the ellipsoid. `where` names file
-    and key. Raises UsageError where the log gives no heights above home.
+    `above_sea`: above mean sea level (the geoid brings it to the ellipsoid), else above the ellipsoid. `where` names
+    file and key. Raises UsageError where the log gives no heights above home.
     """
     position = log.position
     if position is None or not np.isfinite(position.above_home_m[position.valid]).any():
@@ -28,7 +28,9 @@ def with_takeoff(log: FlightLog, height_m: float, *, above_sea: bool, where: str
     first = int(np.flatnonzero(position.valid)[0])
     geoid = geoid_height_m(position.lat_rad[[first]], position.lon_rad[[first]])[0] if above_sea else 0.0
     words = f"above home + a take-off place at {height_m:.1f} m"
-    words += f" above mean sea level + {geoid:.2f} m undulation by EGM96" if above_sea else " above the ellipsoid"
+    words += (
+        f" above mean sea level + {geoid:.2f} m undulation by {geoid_name()}" if above_sea else " above the ellipsoid"
+    )
     raised = replace(position, height_m=position.above_home_m + height_m + geoid, datum="ellipsoid", height_from=words)
     notes = tuple(note for note in log.notes if not note.startswith(HOME_NOTE))
     return replace(log, position=raised, takeoff_given=True, notes=notes)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.telemetry.heights.egm96 import geoid_height_m
+from pipeline.telemetry.heights.geoid import geoid_height_m, geoid_name
 
 LARGEST_UNDULATION_M = 120.0
 """The geoid stays between -107 m and +86 m."""
@@ -64,14 +64,14 @@ def undulation_of(
             source=source,
             notes=(
                 f"{source} gives one height as above the ellipsoid and above mean sea level: it says nothing, and is"
-                f" taken as above mean sea level, {model:.1f} m undulation by EGM96; if it is above the ellipsoid, all"
-                f" heights are {model:.1f} m too high",
+                f" taken as above mean sea level, {model:.1f} m undulation by {geoid_name()}; if it is above the"
+                f" ellipsoid, all heights are {model:.1f} m too high",
             ),
         )
     notes: tuple[str, ...] = ()
     if abs(own - model) > APART_M:
         notes = (
-            f"{source} has {own:.1f} m between ellipsoid and mean sea level, EGM96 {model:.1f} m:"
+            f"{source} has {own:.1f} m between ellipsoid and mean sea level, {geoid_name()} {model:.1f} m:"
             f" {abs(own - model):.1f} m apart; the log's own is used",
         )
     return Undulation(metres=own, source=source, notes=notes)
@@ -99,7 +99,7 @@ def on_ellipsoid(
         return words, mean_sea_level_m + undulation.metres
     above = geoid_height_m(np.radians(lat_deg), np.radians(lon_deg))
     why = "the log gives no height above the ellipsoid" if undulation is None else "the log's own says nothing"
-    words = f"mean sea level + {_median(above):.2f} m undulation by EGM96 ({why})"
+    words = f"mean sea level + {_median(above):.2f} m undulation by {geoid_name()} ({why})"
     return words, mean_sea_level_m + above
 
 

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
+from pipeline.telemetry.log.receiver import ReceiverSeries
 
 LogFormat = Literal["tlog", "mavlink", "dataflash", "dataflash text", "ulog", "dji srt", "misb klv", "flight record"]
 EARTH, HEADING, BODY = 0, 1, 2
@@ -88,6 +89,23 @@ class AttitudeSeries:
     def valid(self) -> Bools:
         """(n,) true where there is an attitude and a time."""
         return np.asarray(np.isfinite(self.time_s + self.ned_from_body.sum(axis=1)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TruthSeries:
+    """What a simulator says of its vehicle: places (n,), heights from where the position's count, NaN where unknown."""
+
+    source: str
+    time_s: Floats
+    lat_rad: Floats
+    lon_rad: Floats
+    height_m: Floats
+    attitude: AttitudeSeries
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        for name in ("time_s", "lat_rad", "lon_rad", "height_m"):
+            settle(self, **{name: frozen(getattr(self, name), (n,), name)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,6 +195,8 @@ class FlightLog:
     counts              message name -> how many whole messages, of every sender
     corrupt_packets     packets that failed their checksum or broke off, and segments of bytes that are no packet
     camera_event_s      (k,) log times of exposures, which message says so, and how well
+    receiver            what the receiver of the positions said of itself over time; None where the format does not tell
+    truth               a simulator's own poses, where the log has them
     utc, record_clock   UTC, and the recording ground station's clock, against log time; None where unknown
     video_start_s, video_start_sigma_s  log time of frame 0 of the video that the log lies in; NaN where it lies in none
     takeoff_given       whether heights are those above home, raised by a take-off height that a person gave
@@ -203,6 +223,8 @@ class FlightLog:
     utc: ClockModel | None = None
     record_clock: ClockModel | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
+    receiver: ReceiverSeries | None = None
+    truth: TruthSeries | None = None
     video_start_s: float = float("nan")
     video_start_sigma_s: float = float("nan")
     takeoff_given: bool = False

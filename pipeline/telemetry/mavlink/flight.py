@@ -11,7 +11,7 @@ from pipeline.telemetry.mavlink.accuracy import stated_accuracy
 from pipeline.telemetry.mavlink.attitude import vehicle_attitude
 from pipeline.telemetry.mavlink.camera_events import camera_events
 from pipeline.telemetry.mavlink.gimbal import gimbal_attitude
-from pipeline.telemetry.mavlink.position import vehicle_position
+from pipeline.telemetry.mavlink.position import receiver_of, simulated, vehicle_position
 from pipeline.telemetry.mavlink.times import utc_clock
 from pipeline.telemetry.mavlink.vehicle import Vehicle, boot_readings, choose_vehicle, clock_notes, systems_of
 
@@ -50,5 +50,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
         utc=utc,
         record_clock=vehicle.clock.record,
         accuracy=stated_accuracy(vehicle),
+        receiver=receiver_of(vehicle),
+        truth=simulated(vehicle),
         notes=(*raw.notes, *notes, *height_notes, *gimbal_notes, *event_notes),
     )

@@ -8,11 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.foundation.arrays import Floats
+from pipeline.geometry import rotation
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
+    TruthSeries,
 )
-from pipeline.telemetry.log.series import position_series
+from pipeline.telemetry.log.receiver import ReceiverSeries, receiver_series
+from pipeline.telemetry.log.series import attitude_series, position_series
 from pipeline.telemetry.log.tables import MessageTable
 from pipeline.telemetry.mavlink.times import log_time_of
 from pipeline.telemetry.mavlink.vehicle import GPS_MESSAGES, POSITION_MESSAGES, Vehicle
@@ -52,6 +55,34 @@ def _position_of(vehicle: Vehicle, table: MessageTable, undulation: Undulation |
         velocity_ned_mps=_velocity(table),
         above_home_m=table.floats("relative_alt") / 1000,
     )
+
+
+def receiver_of(vehicle: Vehicle) -> ReceiverSeries | None:
+    """The receiver's fix, accuracy and height over time: of the first receiver that speaks."""
+    table = next((found for name in GPS_MESSAGES if (found := vehicle.own(name)) is not None), None)
+    if table is None:
+        return None
+    undulation = told_ellipsoidal(vehicle.parameter("GPS_DRV_OPTIONS")) or _undulation(vehicle)
+    lat, lon = table.floats("lat") / 1e7, table.floats("lon") / 1e7
+    across, up = (table.floats(name) / 1000 for name in ("h_acc", "v_acc"))
+    return receiver_series(
+        source=table.name, time_s=log_time_of(vehicle, table), fix=table.floats("fix_type"), horizontal_m=across,
+        vertical_m=up, height_m=on_ellipsoid(table.floats("alt") / 1000, undulation, lat, lon)[1],
+    )  # fmt: skip
+
+
+def simulated(vehicle: Vehicle) -> TruthSeries | None:
+    """The simulator's truth: SIMSTATE, which has no height and no time but that of its arrival."""
+    table = vehicle.own("SIMSTATE")
+    if table is None:
+        return None
+    time = log_time_of(vehicle, table)
+    lat, lon = (np.radians(table.floats(name) / 1e7) for name in ("lat", "lng"))
+    q = rotation.ned_from_frd(*(table.floats(name) for name in ("yaw", "pitch", "roll")))
+    return TruthSeries(
+        source="SIMSTATE", time_s=time, lat_rad=lat, lon_rad=lon, height_m=np.full(len(table), np.nan),
+        attitude=attitude_series(source="SIMSTATE", time_s=time, ned_from_body=q),
+    )  # fmt: skip
 
 
 def _velocity(table: MessageTable) -> Floats:

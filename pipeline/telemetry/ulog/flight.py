@@ -11,7 +11,7 @@ from pipeline.telemetry.log.tables import Progress
 from pipeline.telemetry.ulog.accuracy import stated_accuracy
 from pipeline.telemetry.ulog.attitude import gimbal_attitude, vehicle_attitude
 from pipeline.telemetry.ulog.camera_events import camera_events
-from pipeline.telemetry.ulog.position import vehicle_position
+from pipeline.telemetry.ulog.position import receiver_of, vehicle_position
 from pipeline.telemetry.ulog.topics import load_topics
 from pipeline.telemetry.ulog.utc import utc_clock
 
@@ -31,6 +31,7 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
     position, height_notes = vehicle_position(topics)
     attitude = vehicle_attitude(topics)
     events, event_source = camera_events(topics)
+    accuracy = stated_accuracy(topics)
     mount, gimbals, gimbal_notes = gimbal_attitude(path, log.instances, attitude, gimbal)
     return FlightLog(
         path=path,
@@ -45,6 +46,7 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         camera_event_s=events,
         camera_event_source=event_source,
         utc=utc_clock(topics, log.info),
-        accuracy=stated_accuracy(topics),
+        accuracy=accuracy,
+        receiver=receiver_of(topics, accuracy.source),
         notes=(*log.notes, *height_notes, *gimbal_notes),
     )

@@ -14,6 +14,7 @@ from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undu
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
 )
+from pipeline.telemetry.log.receiver import ReceiverSeries, at_times, receiver_series
 from pipeline.telemetry.log.series import position_series
 from pipeline.telemetry.ulog.topics import GPS_TOPICS, Topic, degrees, floats, metres, topic_time
 
@@ -91,6 +92,25 @@ def _receiver(name: str, topic: Topic, undulation: Undulation | None) -> Positio
     return position_series(
         source=name, datum="ellipsoid", height_from=words, time_s=topic_time(topic),
         lat_deg=lat, lon_deg=lon, height_m=height, velocity_ned_mps=velocity,
+    )  # fmt: skip
+
+
+def receiver_of(topics: dict[str, Topic], accuracy_source: str) -> ReceiverSeries | None:
+    """The receiver's fix and height over time, with the accuracy that `accuracy_source` states then."""
+    name = next((t for t in GPS_TOPICS if t in topics), "")
+    if not name:
+        return None
+    topic = topics[name]
+    time, nothing = topic_time(topic), np.full(len(topic["timestamp"]), np.nan)
+    stated = topics.get(accuracy_source)
+    fields = ("pos_horiz_accuracy", "pos_vert_accuracy") if accuracy_source == "estimator_status" else ("eph", "epv")
+    across, up = (
+        nothing if stated is None else at_times(time, topic_time(stated), floats(stated, field)) for field in fields
+    )
+    lat, lon = (degrees(topic, new, old) for new, old in RECEIVER_PLACE)
+    return receiver_series(
+        source=name, time_s=time, fix=floats(topic, "fix_type"), horizontal_m=across, vertical_m=up,
+        height_m=on_ellipsoid(_receiver_heights(topic)[1], _undulation(topics), lat, lon)[1],
     )  # fmt: skip
 
 

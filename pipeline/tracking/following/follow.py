@@ -21,7 +21,7 @@ from pipeline.tracking.presence.scene_behind import LEAST_AWAY_PX, aligned, behi
 from pipeline.tracking.presence.verify import EXPECTED_S, TO_FOLLOW, TO_LEARN, TO_RETURN, can_be_there, holds, merit
 from pipeline.tracking.records import changed
 from pipeline.tracking.scene.background import Scene
-from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.settings import INSTANT_S, TrackingSettings
 from pipeline.tracking.target.alignment import Alignment
 from pipeline.tracking.target.coarse import look, start_coarse
 from pipeline.tracking.target.fixes import SIGMA_FLOOR_PX, fix_of, sigma_px_of
@@ -87,7 +87,7 @@ def follow(target: TrackState, scene: Scene, settings: TrackingSettings) -> tupl
     as_usual = max(f.score for f in pending) > target.usual[0] - IN_DOUBT / 2
     if len(pending) <= (doubt.frames if as_usual else MOST_PENDING):
         return changed(target, pending=pending, doubt=doubt), ()
-    long_lost = doubt.otherwise.lost_s >= EXPECTED_S
+    long_lost = doubt.otherwise.lost_s > EXPECTED_S - INSTANT_S
     by_look_alone = long_lost and not doubt.told and not doubt.near
     if by_look_alone and len(pending) <= MOST_PENDING:
         return changed(target, pending=pending, doubt=doubt), ()
@@ -174,7 +174,8 @@ def _searched(
     target: TrackState, image: Image, frame: int, scene: Scene, settings: TrackingSettings
 ) -> tuple[TrackState, tuple[Fix, ...]]:
     """A hidden target: the whole region in which it can be."""
-    if target.lost_s > settings.longest_loss_s or not _can_return(target, image):
+    known = min(1.0, target.template.size / settings.telling_px)
+    if target.lost_s > settings.longest_loss_s * known + INSTANT_S or not _can_return(target, image):
         return changed(target, gone=True), ()
     if not _in_view(target.course, image):
         return target, ()
@@ -191,7 +192,7 @@ def _searched(
     if found is None:
         return target, ()
     found = _put_right(target, found, scene)
-    wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * target.lost_s))
+    wait = CONFIRMATIONS + min(MOST_CONFIRMATIONS - CONFIRMATIONS, int(MORE_EACH_S * (target.lost_s + INSTANT_S)))
     off_px = math.dist(found.warp.centre_px, target.course.position_px)
     doubt = Doubt(
         otherwise=target,
@@ -207,7 +208,7 @@ def _searched(
 
 def _turns(lost_s: float) -> int:
     """How many times the least turn a target may have turned while it was hidden."""
-    return 1 + (lost_s > 0.4) + (lost_s > 1.2)
+    return 1 + (lost_s > 0.4 + INSTANT_S) + (lost_s > 1.2 + INSTANT_S)
 
 
 def _can_return(target: TrackState, image: Image) -> bool:

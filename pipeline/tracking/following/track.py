@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from array import array
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -14,10 +15,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.capture import Capture, VideoHead
 from calibration.foundation.errors import RunningFixError, TrackingError, UsageError
 from pipeline.records import LOST, REACQUIRED, TRACKED, Box, ImageTrack
+from pipeline.tracking.following.labels import Fixes, bound
 from pipeline.tracking.following.watch import Watched, begin_watch, watch
 from pipeline.tracking.records import VideoTracks
 from pipeline.tracking.scene.background import Scene, scenes
@@ -39,12 +41,15 @@ def track_video(
     path: Path,
     *,
     camera: str,
-    boxes: Mapping[str, Box],
+    boxes: Mapping[str, Box | Sequence[Box]],
     settings: TrackingSettings | None = None,
     progress: Progress | None = None,
     stream: int | None = None,
 ) -> VideoTracks:
     """Follows every target of `boxes` through one video, from its box to the video's end and back to its beginning.
+
+    Each of several boxes of a target, on different frames, begins anew; between two of them a fix is what both ways
+    say, each by its nearness to its box, and what they differ by is part of its sigma.
 
     The video is decoded once, and once more up to the last of the boxes where one lies on a later frame than the first.
 
@@ -59,32 +64,33 @@ def track_video(
     practically no fix).
     """
     settings = settings or TrackingSettings()
+    labels = {name: _in_order(given) for name, given in boxes.items()}
     capture = opened_to_the_end(path, stream)
     try:
         head = capture.head()
-        for name, box in boxes.items():
+        for name, box in _every(labels):
             _check_box(box, f"targets.{name}.boxes.{camera}", head.image_size)
     except RunningFixError:
         capture.close()
         raise
-    back = max((box.frame for box in boxes.values()), default=0)
+    back = max((box.frame for _, box in _every(labels)), default=0)
     tell = None if progress is None else _counted(progress, back)
     with _one_thread(), ThreadPoolExecutor(max(1, min(len(boxes), os.cpu_count() or 1))) as pool:
-        follower = _Follower(boxes=boxes, settings=settings, pool=pool)
+        follower = _Follower(boxes=labels, settings=settings, pool=pool)
         video = _forwards(path, capture, follower, tell, head)
-        for name, box in boxes.items():
+        for name, box in _every(labels):
             _check_frame(box, f"targets.{name}.boxes.{camera}", len(video.time_s), path)
         _backwards(path, stream, follower, video, back, tell)
     fixes = {name: follower.fixes(name) for name in boxes}
     tracks = tuple(_track(camera, name, fixes[name], video.time_s) for name in boxes)
-    for track, box in zip(tracks, boxes.values(), strict=True):
-        _check_followed(track, box, path)
+    for track, given in zip(tracks, labels.values(), strict=True):
+        _check_followed(track, given[0], path)
     return VideoTracks(
         tracks=tracks,
         frame_time_s=video.time_s,
         frame_rate=head.frame_rate,
         image_size=video.size,
-        outlines_px=tuple(_outlines(box, fixes[name], len(video.time_s)) for name, box in boxes.items()),
+        outlines_px=tuple(_outlines(given, fixes[name], len(video.time_s)) for name, given in labels.items()),
         predicted_px=tuple(follower.predicted(name, fixes[name], len(video.time_s)) for name in boxes),
         notes=(*video.notes, *_losses(tracks), *_by_box(tracks), *_gaps(video.time_s, video.claim, head)),
     )
@@ -100,31 +106,25 @@ class _Video:
     claim: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Fixes:
-    """Every fix of one target: frame (k,), xy_px (k, 2), sigma_px (k,), linear (k, 2, 2) as in `Fix`, box (k,) kind."""
-
-    frame: Ints
-    xy_px: Floats
-    sigma_px: Floats
-    linear: Floats
-    box: Bools
-
-
 class _Follower:
     """Every target at its present frame, and its fixes so far; targets are followed side by side in threads."""
 
-    def __init__(self, *, boxes: Mapping[str, Box], settings: TrackingSettings, pool: ThreadPoolExecutor) -> None:
+    def __init__(
+        self, *, boxes: Mapping[str, tuple[Box, ...]], settings: TrackingSettings, pool: ThreadPoolExecutor
+    ) -> None:
         self.boxes, self.settings, self.pool = boxes, settings, pool
+        self.way = 0  # 0 forwards, 1 backwards
         self.targets: dict[str, Watched] = {}
-        self.known: dict[str, TrackState] = {}  # every target as it was when it ceased to be new
-        self._rows: dict[str, array[float]] = {name: array("d") for name in boxes}  # small, however long the video
-        self._taken_back: dict[str, array[int]] = {name: array("q") for name in boxes}
+        self.label: dict[str, int] = {}  # the box that each target is followed from
+        self.known: dict[tuple[str, int], TrackState] = {}  # every target as it was when it ceased to be new, by box
+        # by way; small, however long the video
+        self._rows: dict[str, tuple[array[float], array[float]]] = {n: (array("d"), array("d")) for n in boxes}
+        self._taken_back: dict[str, tuple[array[int], array[int]]] = {n: (array("q"), array("q")) for n in boxes}
         self._looked: dict[str, array[float]] = {name: array("d") for name in boxes}
 
     def turn_round(self) -> None:
         """From here on every target starts at its box again, with what is known of it by now."""
-        self.targets = {}
+        self.targets, self.label, self.way = {}, {}, 1
 
     def go_on(self, part: Sequence[Scene]) -> None:
         """Follows every target through consecutive scenes."""
@@ -134,21 +134,28 @@ class _Follower:
                 self.targets[name] = target
             for fix in new:
                 kind = float(fix.kind == "box")
-                self._rows[name].extend((fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel(), kind))
+                row = (fix.frame, *fix.xy_px, fix.sigma_px, *fix.linear.ravel(), kind, self._label_at(name, fix.frame))
+                self._rows[name][self.way].extend(row)
 
     def fixes(self, name: str) -> Fixes:
         """Of one target, in order of time."""
-        rows = np.frombuffer(self._rows[name], float).reshape(-1, 9)
-        rows = rows[~np.isin(rows[:, 0], np.frombuffer(self._taken_back[name], np.int64))]
-        frame, first = np.unique(rows[:, 0].astype(int), return_index=True)  # the box is met on both ways
+        return bound(self._kept(name, 0), self._kept(name, 1), self.boxes[name])
+
+    def _kept(self, name: str, way: int) -> Fixes:
+        """Those of one way that were not taken back."""
+        rows = np.frombuffer(self._rows[name][way], float).reshape(-1, 10)
+        rows = rows[~np.isin(rows[:, 0], np.frombuffer(self._taken_back[name][way], np.int64))]
+        frame, first = np.unique(rows[:, 0].astype(int), return_index=True)
         rows = rows[first]
         return Fixes(
-            frame=frame,
-            xy_px=rows[:, 1:3],
-            sigma_px=rows[:, 3],
-            linear=rows[:, 4:8].reshape(-1, 2, 2),
-            box=rows[:, 8] > 0,
-        )
+            frame=frame, xy_px=rows[:, 1:3], sigma_px=rows[:, 3], linear=rows[:, 4:8].reshape(-1, 2, 2),
+            box=rows[:, 8] > 0, label=rows[:, 9].astype(int),
+        )  # fmt: skip
+
+    def _label_at(self, name: str, frame: int) -> int:
+        """Which of a target's boxes a frame is followed from, on the present way."""
+        frames = [box.frame for box in self.boxes[name]]
+        return bisect_right(frames, frame) - 1 if self.way == 0 else bisect_left(frames, frame)
 
     def predicted(self, name: str, fixes: Fixes, frames: int) -> Floats:
         """Where one target was looked for (n, 3), a row for each of its track's."""
@@ -161,19 +168,22 @@ class _Follower:
         return places
 
     def _through(self, name: str, part: Sequence[Scene]) -> tuple[Watched | None, list[Fix]]:
-        target, box, fixes = self.targets.get(name), self.boxes[name], list[Fix]()
+        target, fixes = self.targets.get(name), list[Fix]()
+        at = {box.frame: k for k, box in enumerate(self.boxes[name])}
         for scene in part:
-            if scene.frame == box.frame:
-                target, first = begin_watch(scene, box, self.settings, self.known.get(name))
+            if scene.frame in at:
+                self.label[name] = label = at[scene.frame]
+                known = self.known.get((name, label))
+                target, first = begin_watch(scene, self.boxes[name][label], self.settings, known)
                 fixes.append(first)
             elif target is not None:
                 target, seen = watch(target, scene, self.settings)
                 fixes = [fix for fix in fixes if fix.frame not in seen.taken_back]
                 fixes += seen.fixes
-                self._taken_back[name].extend(seen.taken_back)
+                self._taken_back[name][self.way].extend(f for f in seen.taken_back if f not in at)
                 surface = target.surface
                 if not surface.new and not surface.hidden:
-                    self.known.setdefault(name, surface)
+                    self.known.setdefault((name, self.label[name]), surface)
                 if surface.hidden and not surface.gone:
                     self._looked[name].extend((scene.frame, *surface.course.position_px, surface.course.sigma_px))
         return target, fixes
@@ -274,13 +284,22 @@ def _track(camera: str, target: str, fixes: Fixes, times: Floats) -> ImageTrack:
     )  # fmt: skip
 
 
-def _outlines(box: Box, fixes: Fixes, frames: int) -> Floats:
+def _outlines(boxes: tuple[Box, ...], fixes: Fixes, frames: int) -> Floats:
     """Corners (n, 4, 2) of the box as it was carried along."""
-    corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([box.width, box.height]) / 2
+    half = np.array([[box.width, box.height] for box in boxes])[fixes.label] / 2
+    corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:, None]
     first = int(fixes.frame[0])
     outlines = np.full((frames - first, 4, 2), np.nan)
     outlines[fixes.frame - first] = corner @ fixes.linear.transpose(0, 2, 1) + fixes.xy_px[:, None]
     return outlines
+
+
+def _in_order(given: Box | Sequence[Box]) -> tuple[Box, ...]:
+    return (given,) if isinstance(given, Box) else tuple(sorted(given, key=lambda box: box.frame))
+
+
+def _every(labels: Mapping[str, tuple[Box, ...]]) -> Iterator[tuple[str, Box]]:
+    return ((name, box) for name, boxes in labels.items() for box in boxes)
 
 
 @contextmanager

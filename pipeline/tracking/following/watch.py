@@ -21,7 +21,7 @@ from pipeline.tracking.following.follow import begin, carry, follow, hide
 from pipeline.tracking.presence.slide import Trail, carried_trail, extended, first_trail, has_slid, stopped
 from pipeline.tracking.records import changed
 from pipeline.tracking.scene.background import Scene
-from pipeline.tracking.settings import BOX_TRACKER, SLIDE, WATCH, TrackingSettings
+from pipeline.tracking.settings import BOX_TRACKER, INSTANT_S, SLIDE, WATCH, TrackingSettings
 from pipeline.tracking.target.box_tracker import BoxTrack, look_box, start_box
 from pipeline.tracking.target.kinematics import Course, carried, corrected, first_course
 from pipeline.tracking.target.track_state import Fix, TrackState
@@ -123,9 +123,9 @@ def _passed(watched: Watched, scene: Scene) -> Watched:
     """Over a damaged frame, in which nothing is a measurement; what lasts longer hides the target."""
     blind_s = watched.blind_s + scene.dt_s
     surface = carry(watched.surface, scene)
-    if blind_s > WATCH.blind_s and not surface.hidden:
+    if blind_s > WATCH.blind_s + INSTANT_S and not surface.hidden:
         surface = hide(surface, blind_s)
-    box = None if blind_s > WATCH.blind_s else watched.box
+    box = None if blind_s > WATCH.blind_s + INSTANT_S else watched.box
     return changed(watched, surface=surface, box=box, lost=watched.lost or box is None, blind_s=blind_s)
 
 
@@ -144,7 +144,7 @@ def _after(trail: Trail, scene: Scene) -> Bools:
 
 def _of_late(trail: Trail, scene: Scene) -> Bools:
     """(m,) rows so late that a box which fails now may have been failing then."""
-    return np.asarray(np.abs(scene.time_s - trail.time_s) < WATCH.unsure_s)
+    return np.asarray(np.abs(scene.time_s - trail.time_s) < WATCH.unsure_s - INSTANT_S)
 
 
 def _cut(trail: Trail, kept: Bools) -> Trail:
@@ -195,7 +195,7 @@ def _box(watched: Watched, here: Fix | None, scene: Scene) -> tuple[Watched, boo
     expected = np.array(here.xy_px) + watched.offset_px if here is not None and settled else course.position_px
     rigid = not watched.surface.new and watched.surface.usual[0] > WATCH.rigid_score
     every_s = BOX_TRACKER.every_rigid_s if rigid else BOX_TRACKER.every_s
-    if settled and abs(scene.time_s - box.time_s) < every_s - 0.5 * scene.dt_s:
+    if settled and abs(scene.time_s - box.time_s) < every_s - 0.5 * scene.dt_s - INSTANT_S:
         moved_on = corrected(course, expected, BOX_TRACKER.sigma_share * box.size)
         return changed(watched, box=changed(box, centre_px=expected), course=moved_on), False
     found = look_box(box, scene.pixels, expected, scene.time_s)

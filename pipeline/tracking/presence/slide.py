@@ -21,7 +21,7 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.tracking.records import changed
 from pipeline.tracking.scene.background import Keyframe, Scene, moved
-from pipeline.tracking.settings import SLIDE
+from pipeline.tracking.settings import INSTANT_S, SLIDE
 from pipeline.tracking.target.template import Pixels, Warp, sample
 from pipeline.tracking.video.frames import Image
 
@@ -73,7 +73,7 @@ def extended(trail: Trail, scene: Scene, xy_px: Floats, size_px: float, by_box: 
     size_px  geometric mean of the target's sides now
     by_box   whether the box tracker said so alone
     """
-    recent: Bools = np.abs(scene.time_s - trail.time_s) < SLIDE.longest_s
+    recent: Bools = np.abs(scene.time_s - trail.time_s) < SLIDE.longest_s - INSTANT_S
     place = np.asarray(xy_px, float)
     longer = changed(
         trail,
@@ -92,7 +92,7 @@ def _judged(trail: Trail, size_px: float) -> Trail:
     way = trail.ground_px[-1] - trail.ground_px
     speed = float(np.hypot(*trail.velocity))
     if not np.isfinite(speed):
-        at = int(np.argmax(dt_s >= SLIDE.first_s)) if dt_s[0] >= SLIDE.first_s else -1
+        at = int(np.argmax(dt_s >= SLIDE.first_s - INSTANT_S)) if dt_s[0] >= SLIDE.first_s - INSTANT_S else -1
         known = at >= 0 and len(trail.frame) > SLIDE.fewest
         return changed(
             trail, velocity=way[at] / dt_s[at] if known else trail.velocity, certain=int(trail.frame[-1])
@@ -104,7 +104,7 @@ def _judged(trail: Trail, size_px: float) -> Trail:
         return trail
     if not len(far):  # too slow to be told from the ground
         at = 0
-        slow = way[at] / max(dt_s[at], 1e-9) if dt_s[at] >= SLIDE.first_s else trail.velocity
+        slow = way[at] / max(dt_s[at], 1e-9) if dt_s[at] >= SLIDE.first_s - INSTANT_S else trail.velocity
         velocity = trail.velocity + SLIDE.believe * (slow - trail.velocity)
         return changed(trail, velocity=velocity, certain=int(trail.frame[-1]), suspicious=0)
     at = int(far[-1])
@@ -112,6 +112,8 @@ def _judged(trail: Trail, size_px: float) -> Trail:
     along = float(now @ trail.velocity) / speed**2
     if along < SLIDE.slid:
         return changed(trail, suspicious=trail.suspicious + 1)
+    if along <= SLIDE.goes_on and trail.by_box[-1]:  # a box that slows down may be coming to rest on the scene
+        return changed(trail, suspicious=0)
     certain = max(trail.certain, int(trail.frame[at])) if along > SLIDE.goes_on else trail.certain
     velocity = trail.velocity + SLIDE.believe * (now - trail.velocity)
     return changed(trail, velocity=velocity, certain=certain, suspicious=0)

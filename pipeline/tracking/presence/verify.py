@@ -9,6 +9,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from pipeline.tracking.presence.scene_behind import LEAST_AWAY_PX, odds_against_scene
 from pipeline.tracking.scene.background import Scene
+from pipeline.tracking.settings import INSTANT_S
 from pipeline.tracking.target.alignment import Alignment
 from pipeline.tracking.target.track_state import TrackState
 
@@ -65,7 +66,8 @@ def _off_px(target: TrackState, found: Alignment) -> float:
 
 def _expected(target: TrackState, found: Alignment) -> bool:
     """Whether it is just where it was expected, and was seen not long ago."""
-    return _off_px(target, found) < EXPECTED_SIGMAS * target.course.sigma_px + 0.5 and target.lost_s < EXPECTED_S
+    near = _off_px(target, found) < EXPECTED_SIGMAS * target.course.sigma_px + 0.5
+    return near and target.lost_s < EXPECTED_S - INSTANT_S
 
 
 def merit(target: TrackState, found: Alignment, scene: Scene) -> float:

@@ -76,6 +76,13 @@ def test_every_key_arrives_in_si_units(tmp_path):
     assert (found.solve.method, found.solve.frame_rate, found.solve.robust) == ("algorithm-2", "fixed", "none")
 
 
+def test_several_boxes_come_in_order_of_their_frames(tmp_path):
+    two = "[{ frame = 9, box = [5, 6, 7, 8] }, { frame = 3, box = [1, 2, 3, 4] }]"
+    target = flight(tmp_path, CAMERA + f"[targets.a]\nboxes.uav1 = {two}\n").targets[0]
+    assert [box.frame for box in target.labels["uav1"]] == [3, 9]
+    assert target.boxes["uav1"] == Box(frame=3, x=1, y=2, width=3, height=4)
+
+
 def test_defaults(tmp_path):
     found = flight(tmp_path, CAMERA)
     camera = found.cameras[0]
@@ -118,6 +125,13 @@ def test_box_centre_is_in_pixel_centre_coordinates():
         (CAMERA + "[targets.a]\nboxes.uav1 = { frame = 0, box = [1, 2, 3] }\n", "boxes.uav1.box", "4 numbers"),
         (CAMERA + "[targets.a]\nboxes.uav1 = { box = [1, 2, 1, 1] }\n", "boxes.uav1.box", "at least 2 px"),
         (CAMERA + "[targets.a]\nboxes.uav2 = { box = [1, 2, 9, 9] }\n", "targets.a.boxes.uav2", "did you mean 'uav1'?"),
+        (CAMERA + "[targets.a]\nboxes.uav1 = []\n", "targets.a.boxes.uav1", "several on different frames"),
+        (CAMERA + "[targets.a]\nboxes.uav1 = [{ box = [1, 2, 9, 9] }, 3]\n", "boxes.uav1[1]", "a table"),
+        (
+            CAMERA + "[targets.a]\nboxes.uav1 = [{ box = [1, 2, 9, 9] }, { box = [1, 2, 9, 9] }]\n",
+            "targets.a.boxes.uav1",
+            "several on different frames",
+        ),
         (CAMERA + '[solve]\nmethod = "mapp"\n', "solve.method", "did you mean 'map'?"),
         (CAMERA + '[flight]\nreference_camera = "uav9"\n', "flight.reference_camera", "did you mean 'uav1'?"),
         (CAMERA + "[flight]\norigin = { lat = 98, lon = 1 }\n", "flight.origin.lat", "from -90 to 90"),

@@ -33,7 +33,7 @@ MOST_EPOCHS = 64
 """Redefinitions that are followed: a log that redefines more often is broken."""
 WANTED = (
     "PARM", "ATT", "XKQ", "XKQ1", "NKQ1", "AHR2", "POS", "GPS", "GPA", "MNT", "CAM", "TRIG", "XKF4", "NKF4", "XKF1",
-    "NKF1", "ORGN",
+    "NKF1", "ORGN", "SIM",
 )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ WANTED = (
     "CAMERA_TRIGGER",
     "ESTIMATOR_STATUS",
     "PARAM_VALUE",
+    "SIMSTATE",
 )
 
 FIELDS = {

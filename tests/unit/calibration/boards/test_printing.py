@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.boards.board import Board
-from calibration.boards.printing import board_page, board_pdf, board_svg
+from calibration.boards.printing import board_page, board_pdf, board_svg, paper_in_words, papers
 from calibration.detection.find import find_board
 
 PLAIN = Board(cols=9, rows=6, square_m=0.020)
@@ -31,6 +31,21 @@ def test_the_printed_board_is_the_board_that_is_found(board):
     assert len(view.index) == board.cols * board.rows
     off = min((view.corners - t for t in (true, true[::-1])), key=lambda e: float(np.abs(e).max()))
     assert np.abs(off).max() < 0.15
+
+
+@pytest.mark.parametrize(
+    ("board", "smallest", "words"),
+    [
+        (PLAIN, "A4", "prints on A4 or larger"),
+        (Board(cols=9, rows=6, square_m=0.025), "A4", "prints on A4 or larger"),
+        (Board(cols=9, rows=6, square_m=0.030), "A3", "does not fit A4 (210 x 297 mm) or US Letter; it needs A3"),
+        (Board(cols=11, rows=8, square_m=0.060), "A1", "squares of 20 mm would print on A4"),
+        (Board(cols=13, rows=9, square_m=0.120), "", "no paper up to A0"),
+    ],
+)
+def test_a_board_that_does_not_fit_a_page_is_said_with_page_sizes(board, smallest, words):
+    assert (papers(board) or ("",))[0] == smallest
+    assert words in paper_in_words(board)
 
 
 def test_svg_is_at_true_scale():

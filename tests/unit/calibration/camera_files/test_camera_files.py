@@ -121,7 +121,7 @@ def test_a_missing_file_and_a_binary_one(tmp_path):
     with pytest.raises(InputFileError, match="no such file"):
         read_camera(tmp_path / "none.json")
     (tmp_path / "photo.json").write_bytes(b"\xff\xd8\xff\xe0")
-    with pytest.raises(InputFileError, match="not a text file"):
+    with pytest.raises(InputFileError, match="a photo; expected a text file"):
         read_camera(tmp_path / "photo.json")
 
 

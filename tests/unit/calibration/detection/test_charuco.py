@@ -6,6 +6,7 @@ import pytest
 
 from calibration.boards.board import Board
 from calibration.boards.charuco import charuco_board
+from calibration.detection.charuco import _squeezed, _unrefined
 from calibration.detection.find import find_board
 
 BOARD = Board(cols=9, rows=6, square_m=0.025, marker_m=0.018, dictionary="DICT_5X5_100")
@@ -52,3 +53,27 @@ def test_corners_are_no_worse_than_opencvs_and_as_good_as_a_checkerboards(place)
     if checker is not None and len(checker.index) == 54:
         both = (off(checker, true), off(checker, true[::-1]))
         assert np.sqrt(np.mean(off(found, true) ** 2)) < 1.5 * min(np.sqrt(np.mean(e**2)) for e in both) + 0.004
+
+
+STEEP = np.array([[0.6, 0.02, 80], [0.02, 0.14, 200], [1e-4, 5e-5, 1.0]])
+
+
+def test_a_board_so_steep_that_markers_touch_its_edges_gives_no_corners_that_are_noise():
+    image, true = shot(STEEP)
+    found = find_board(image, BOARD, "x")
+    assert found is None or off(found, true).max() < 0.1
+
+
+def test_corners_that_stayed_where_opencv_found_them_are_left_out_where_most_moved():
+    grid = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), axis=-1) * 30
+    seen, fine = np.ones((3, 4), bool), grid + 0.02
+    fine[1, 2] = grid[1, 2]
+    assert np.argwhere(_unrefined(fine, grid, seen)).tolist() == [[1, 2]]
+    assert not _unrefined(grid, grid, seen).any()
+
+
+def test_only_steep_boards_are_squeezed():
+    grid = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), axis=-1)
+    assert not _squeezed(grid * 14, 0.14).any()
+    assert _squeezed(grid * [37, 14], 0.14).all()
+    assert not _squeezed(grid * [80, 30], 0.14).any()

@@ -46,6 +46,29 @@ def test_alpha_hides_nothing(tmp_path):
     assert np.abs(read_photo(tmp_path / "a.png").gray.astype(int) - GRAY).max() <= 1
 
 
+def test_what_is_drawn_in_the_alpha_channel_only_is_seen_over_white(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.dstack([0 * GRAY, 0 * GRAY, 0 * GRAY, 255 - GRAY]))
+    assert np.abs(read_photo(tmp_path / "a.png").gray.astype(int) - GRAY).max() <= 1
+
+
+def test_colours_as_floats_are_read(tmp_path):
+    values = np.dstack([GRAY / 50, GRAY / 50, GRAY / 50]).astype(np.float32)
+    cv2.imwrite(str(tmp_path / "f.tiff"), values)
+    gray = read_photo(tmp_path / "f.tiff").gray.astype(int)
+    assert gray[0, 0] < 5
+    assert gray[0, -1] > 250
+
+
+def test_a_photo_of_another_size_than_its_camera_wrote_says_so(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0xA002: 4000, 0xA003: 3000})
+    Image.fromarray(GRAY).save(tmp_path / "small.jpg", exif=exif)
+    assert read_photo(tmp_path / "small.jpg").taken["resized_from"] == "4000x3000"
+    exif.get_ifd(0x8769).update({0xA002: 48, 0xA003: 64})  # of the picture as it is shown, turned
+    Image.fromarray(GRAY).save(tmp_path / "whole.jpg", exif=exif)
+    assert "resized_from" not in read_photo(tmp_path / "whole.jpg").taken
+
+
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "TIFF"])
 def test_every_format_says_what_took_it(tmp_path, kind):
     picture, exif = Image.fromarray(GRAY), Image.Exif()

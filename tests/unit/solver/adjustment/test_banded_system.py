@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.solver.adjustment.banded_system import Bordered, band_of_inverse, factorise
+from pipeline.solver.adjustment.banded_system import Bordered, band_of_inverse, band_of_inverse_plain, factorise
 from pipeline.solver.uncertainty.covariance import Inverse
 
 
@@ -61,3 +61,11 @@ def test_band_of_inverse_of_a_diagonal():
 def test_not_positive_definite_is_none():
     system, _ = made(10, 2, 3)
     assert factorise(system.damped(-1e4 * np.ones(12))) is None
+
+
+def test_band_of_inverse_by_the_compiled_twin():
+    rng = np.random.default_rng(5)
+    for width, n in ((0, 3), (3, 1), (3, 9), (11, 40)):
+        lower = rng.normal(size=(width + 1, n))
+        lower[0] = 3 + abs(lower[0])
+        np.testing.assert_allclose(band_of_inverse(lower), band_of_inverse_plain(lower), rtol=1e-9, atol=1e-13)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pipeline.records import Problem, Solution, SolverSettings
+from calibration.foundation.errors import GeometryError
+from pipeline.records import Finding, Problem, Solution, SolverSettings, TargetInput
 from pipeline.solver import solve
+from pipeline.synthetic.scenes import paper_scene
+from pipeline.synthetic.simulate import simulate
 from tests.scenes import mistaken
+from tests.scenes.solver import looped_flight
 
 
 def solved(problem: Problem) -> Solution:
@@ -57,6 +62,29 @@ def test_a_mistake_is_bad_and_its_culprit_is_named_first(problem: Problem, kind:
     assert named[0].figure > 50
 
 
+def test_a_motion_that_was_given_too_simple_is_named() -> None:
+    scene = paper_scene(order=2, targets=3, given_offset_s=0.5)
+    problem = simulate(scene, noise=mistaken.INSTRUMENTS, seed=1)[0]
+    given = tuple(TargetInput(target=t.target, order=2 if t.target == "target2" else 1) for t in problem.targets)
+    verdict = solved(replace(problem, targets=given)).verdict
+    assert verdict.grade != "good"
+    named = [r for r in verdict.reasons[:2] if r.kind == "suspect-motion"]
+    assert named, verdict.reasons
+    assert "target1" in named[0].subject
+    assert "order" in named[0].advice
+
+
+def test_a_polynomial_that_was_asked_for_and_does_not_fit_is_not_forced() -> None:
+    problem, path = looped_flight(0.0, seconds=30.0)
+    asked = replace(problem, targets=(TargetInput(target="drone", motion="polynomial"),))
+    found = solved(asked)
+    motion = found.motion("drone")
+    time = np.linspace(motion.start_s + 1, motion.end_s - 1, 50)
+    assert motion.kind == "spline"
+    assert np.abs(motion.position_enu_m(time) - path(time)).max() < 1.0
+    assert [r.grade for r in found.verdict.reasons if r.kind == "motion-richer"] == ["good"]
+
+
 def test_priors_ten_times_too_small_are_named() -> None:
     noise = replace(mistaken.INSTRUMENTS, attitude_bias_rad=10 * mistaken.INSTRUMENTS.attitude_bias_rad)
     problem = mistaken.right_flight(3, noise=noise)
@@ -66,6 +94,28 @@ def test_priors_ten_times_too_small_are_named() -> None:
     verdict = solved(problem).verdict
     assert verdict.grade != "good"
     assert any("attitude" in r.kind and "its prior says 0.3" in r.words for r in verdict.reasons[:2]), verdict.reasons
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_what_a_solution_that_does_not_fit_says_of_geometry_refuses_nothing(
+    wrong: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def undetermined(*_: object, clocks: object = (), **__: object) -> tuple[Finding, ...]:
+        if clocks:
+            raise GeometryError(where="target target1", seen="s", expected="e", advice="a")
+        return ()
+
+    monkeypatch.setattr(sys.modules["pipeline.solver.solve"], "find_degeneracies", undetermined)
+    flight = mistaken.right_flight(1, targets=1)
+    problem = mistaken.turned(flight, "uav2", np.array([0, 12, 0])) if wrong else flight
+    if not wrong:
+        with pytest.raises(GeometryError):
+            solved(problem)
+        return
+    verdict = solved(problem).verdict
+    assert verdict.grade == "bad"
+    assert verdict.reasons[-1].kind == "undetermined"
+    assert any("uav2" in r.subject for r in verdict.reasons[:2])
 
 
 def test_nothing_is_applied() -> None:
