@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from argparse import Namespace
 from collections.abc import Sequence
@@ -34,8 +35,8 @@ def run(arguments: Namespace, console: Console) -> int:
             expected="targets that move against what is behind them for half a second or more",
             advice="draw the boxes yourself: `runningfix label flight.toml`",
         )
-    names = [f"target{k + 1}" for k in range(len(found))]
     camera = arguments.camera or video.stem
+    names = [f"{camera}-{k + 1}" for k in range(len(found))]  # names of no other video's
     text = boxes_toml(found, names, camera)
     sheet = contact_sheet(found, names, video_head(video).frame_rate)
     write_whole(arguments.output / SHEET, cv2.imencode(".png", sheet)[1].tobytes())
@@ -52,8 +53,13 @@ def boxes_toml(found: Sequence[Proposal], names: Sequence[str], camera: str) -> 
     for proposal, name in zip(found, names, strict=True):
         box = proposal.box
         sides = f"[{box.x:g}, {box.y:g}, {box.width:g}, {box.height:g}]"
-        tables.append(f"[targets.{name}]\nboxes.{json.dumps(camera)} = {{ frame = {box.frame}, box = {sides} }}\n")
+        tables.append(f"[targets.{_key(name)}]\nboxes.{_key(camera)} = {{ frame = {box.frame}, box = {sides} }}\n")
     return "\n".join(tables)
+
+
+def _key(name: str) -> str:
+    """A TOML key: bare where it may be."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 def summary(found: Sequence[Proposal], names: Sequence[str], arguments: Namespace, seconds: float) -> dict[str, Any]:

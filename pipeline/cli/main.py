@@ -25,6 +25,7 @@ OWN_MODULES = (
     "inspect",
     "label",
     "match",
+    "new",
 )
 
 

@@ -41,6 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
     _detect(commands)
     _label(commands)
     _match(commands)
+    _new(commands)
     check = _command(
         commands, "check", "what is wrong or doubtful in a flight, before tracking", "runningfix check flight.toml"
     )
@@ -215,6 +216,18 @@ def _match(commands: Commands) -> None:
     parser.add_argument(
         "--write", type=Path, metavar="NAME.toml", help="the new flight file (default: flight-matched.toml beside it)"
     )
+
+
+def _new(commands: Commands) -> None:
+    parser = _command(
+        commands, "new", "a folder of videos, logs and camera files -> a commented flight file, guesses marked",
+        "runningfix new flight-folder/",
+    )  # fmt: skip
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="what lies there is looked at, and left as it is")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="flight.toml", help="file to write (default: flight.toml in the folder)"
+    )
+    parser.add_argument("--no-detect", action="store_true", help="propose no boxes: quick, no video is looked into")
 
 
 def _flight_command(commands: Commands, name: str, what: str) -> None:

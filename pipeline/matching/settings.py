@@ -54,7 +54,7 @@ class MatchSettings:
     alike: float = 0.25
     still: float = 0.4
     follower: float = 0.02
-    twin: float = 0.004
+    twin: float = 0.0005
     near_m: float = 10.0
     near: float = 0.1
     still_m: float = 1.0

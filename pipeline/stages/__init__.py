@@ -4,6 +4,7 @@ Each stage is a function of the flight and of what came before; `run` chains the
 """
 
 from pipeline.stages.checks.outlook import Outlook
+from pipeline.stages.drafting.draft import Draft, draft_flight
 from pipeline.stages.inputs.cameras import read_models
 from pipeline.stages.inputs.log_paths import log_paths
 from pipeline.stages.inputs.sources import open_sources
@@ -24,6 +25,7 @@ from pipeline.stages.running.summary import RunSummary
 from pipeline.stages.running.track import run_track
 
 __all__ = [
+    "Draft",
     "Ledger",
     "MatchRun",
     "MeasuredPoses",
@@ -32,6 +34,7 @@ __all__ = [
     "build_problem",
     "check_flight",
     "decisive",
+    "draft_flight",
     "gather_results",
     "log_paths",
     "measure_poses",

@@ -34,6 +34,8 @@ def main() -> None:
     margins, begin = [], time.process_time()
     for seed in range(arguments.first_seed, arguments.first_seed + arguments.flights):
         flight = draw(seed)
+        if len(flight.cameras) < 2:
+            continue
         now = time.process_time()
         found = match_tracks(flight.cameras, MatchSettings(search_s=30.0))
         took = time.process_time() - now

@@ -149,18 +149,20 @@ def draw(seed):
         own = order[common + c * (n_each - common) :][: n_each - common]
         mine = rng.permutation(np.concatenate([order[:common], own]))
         camera, when = one_camera(rng, f"uav{c + 1}", every, mine, begin[c], length, bearings[c], reach, sigma)
-        cameras.append(camera)
-        seen.append(when)
+        if when:  # one that sees nothing for five seconds takes no part
+            cameras.append(camera)
+            seen.append(when)
     pairs, ever = set(), set()
-    for a in range(n_cam):
-        for b in range(a + 1, n_cam):
+    for a in range(len(cameras)):
+        for b in range(a + 1, len(cameras)):
             for target in set(seen[a]) & set(seen[b]):
                 both = np.intersect1d(seen[a][target][1], seen[b][target][1])
                 pair = (cameras[a].camera, seen[a][target][0]), (cameras[b].camera, seen[b][target][0])
                 ever.add(pair)
                 if len(both) >= LEAST_COMMON_S * 5:
                     pairs.add(pair)
-    offsets = {camera.camera: float(begin[c] - begin[0]) for c, camera in enumerate(cameras)}
+    starts = {f"uav{c + 1}": float(begin[c]) for c in range(n_cam)}
+    offsets = {camera.camera: starts[camera.camera] - starts[cameras[0].camera] for camera in cameras}
     return Strangers(cameras=tuple(cameras), pairs=frozenset(pairs), ever=frozenset(ever), offset_s=offsets, kind=kind)
 
 
@@ -201,13 +203,13 @@ def one_camera(rng, name, every, mine, begin, length, bearing, reach, sigma):
         targets.append(np.full(inside.sum(), len(names)))
         rays.append(ray / np.linalg.norm(ray, axis=1, keepdims=True))
         names.append(label)
+    if not names:
+        return None, {}
     return _input(name, names, frames, targets, rays, told, focal, measured, noisy, sigma), when
 
 
 def _input(name, names, frames, targets, rays, told, focal, measured, noisy, sigma):
     q = noisy.as_quat()[:, [3, 0, 1, 2]]
-    if not names:
-        frames, targets, rays = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros((0, 3))]
     frame, target, ray = np.concatenate(frames), np.concatenate(targets), np.concatenate(rays)
     order = np.lexsort((target, frame))
     frame, target, ray = frame[order], target[order], ray[order]

@@ -10,7 +10,7 @@ import copy
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -74,8 +74,11 @@ def matched_text(
     names: Mapping[TrackName, str],
     paths: Mapping[str, Path],
     notes: Mapping[str, Sequence[str]],
+    dropped: Collection[str] = (),
 ) -> str:
-    """The flight file `text` with its targets anew: `boxes` of tracks under their common `names`, with notes above.
+    """The flight file `text` with its targets anew: `boxes` of tracks (the first of each) under their common `names`.
+
+    Notes stand above them as comments; several boxes of a target stay several. Targets `dropped` are left out.
 
     Raises UsageError where the file writes its targets or tracks in a way that is not edited here.
     """
@@ -86,7 +89,7 @@ def matched_text(
         if camera:
             wanted["cameras"][camera]["tracks"] = path.name
             lines = _with_tracks(lines, camera, path.name)
-    wanted["targets"] = _tables(before.get("targets", {}), boxes, names)
+    wanted["targets"] = _tables({k: v for k, v in before.get("targets", {}).items() if k not in dropped}, boxes, names)
     if not wanted["targets"]:
         del wanted["targets"]
     newline = "\r\n" if "\r\n" in text else "\n"
@@ -126,8 +129,9 @@ def _tables(
                 table.setdefault(key, value)
         if track in boxes:
             box = boxes[track]
-            sides = [box.x, box.y, box.width, box.height]
-            table.setdefault("boxes", {})[track.camera] = {"frame": box.frame, "box": sides}
+            made = {"frame": box.frame, "box": [box.x, box.y, box.width, box.height]}
+            told = given.get(track.target, {}).get("boxes", {}).get(track.camera, made)  # one, or several
+            table.setdefault("boxes", {})[track.camera] = copy.deepcopy(told)
     used = {track.target for track in names}
     for name, table in given.items():
         if name not in used and name not in found:

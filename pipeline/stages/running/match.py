@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from pipeline.flight.read import LARGEST_BYTES
 from pipeline.matching import Matching, TrackName
 from pipeline.records import Box
 from pipeline.stages.inputs.tracks import read_tracks
+from pipeline.stages.matching.duplicates import duplicates
 from pipeline.stages.matching.files import matched_paths, matched_tables, matched_text
 from pipeline.stages.matching.match import match_flight
 from pipeline.stages.matching.names import common_names
@@ -45,6 +46,29 @@ def run_match(flight: Flight, out: Path, *, write: Path | None = None, progress:
     no boxes, and what its stages raise.
     """
     paths = matched_paths(flight, write)
+    text = read_bytes(flight.path, expected="a flight file (TOML)", most=LARGEST_BYTES).decode("utf-8-sig")
+    found, files = _matched(flight, text, out, paths, progress)
+    for path, content in files.items():
+        write_whole(path, content)
+    return found
+
+
+def match_text(
+    flight: Flight, text: str, out: Path, *, guessed: Collection[str] = (), progress: Progress = silent
+) -> tuple[MatchRun, str]:
+    """The match of a flight whose file is `text`, and that text with its targets under common names; for videos.
+
+    Of `guessed` targets those that turn out to be of one vehicle with another are dropped. Nothing but `out` is
+    written. Raises as `run_match`.
+    """
+    found, files = _matched(flight, text, out, {"": flight.path}, progress, guessed)
+    return found, files[flight.path]
+
+
+def _matched(
+    flight: Flight, text: str, out: Path, paths: Mapping[str, Path], progress: Progress, guessed: Collection[str] = ()
+) -> tuple[MatchRun, dict[Path, str]]:
+    """The match, and the files it comes to by path."""
     models = check_inputs(flight, out)
     clock = StageSeconds()
     with clock.stage("detect"):
@@ -53,27 +77,37 @@ def run_match(flight: Flight, out: Path, *, write: Path | None = None, progress:
     with writing(out) as ledger:
         tracked = track_into(ledger, full, resume=True, progress=progress)
     tracks = tuple(t for t in read_tracks(full, out) if t.seen.any())
+    boxes = {
+        TrackName(camera=camera, target=t.name): box
+        for t in full.targets for camera, box in t.boxes.items() if full.camera(camera).tracks is None
+    }  # fmt: skip
+    proposals = {t.name for t in full.targets} - {t.name for t in flight.targets} | set(guessed)
+    twice = duplicates(tracks, boxes, proposals)
+    tracks = tuple(t for t in tracks if TrackName(camera=t.camera, target=t.target) not in twice)
+    boxes = {track: box for track, box in boxes.items() if track not in twice}
     with clock.stage("poses"):
         measured = measure()[1]
     with clock.stage("match"):
         matching = match_flight(full, tracks, measured, models, progress)
     names = common_names(matching.targets)
-    boxes = {
-        TrackName(camera=camera, target=t.name): box
-        for t in full.targets for camera, box in t.boxes.items() if full.camera(camera).tracks is None
-    }  # fmt: skip
-    text = read_bytes(flight.path, expected="a flight file (TOML)", most=LARGEST_BYTES).decode("utf-8-sig")
-    new = matched_text(text, flight, boxes, _all_named(boxes, names), paths, _notes(matching, names))
     tables = matched_tables(tracks, names, paths)
-    for path, content in {**tables, paths[""]: new}.items():
-        write_whole(path, content)
-    return MatchRun(
+    new = matched_text(
+        text,
+        flight,
+        boxes,
+        _all_named(boxes, names),
+        paths,
+        _notes(matching, names),
+        dropped={track.target for track in twice},
+    )
+    found = MatchRun(
         matching=matching,
         names=names,
         files=(*tables, paths[""]),
-        warnings=(*notes, *tracked.warnings, *pose_notes(measured), *doubts(matching)),
+        warnings=(*notes, *_told(twice), *tracked.warnings, *pose_notes(measured), *doubts(matching)),
         seconds={**tracked.seconds, **clock.seconds},
     )
+    return found, {**tables, paths[""]: new}
 
 
 def with_proposals(flight: Flight, progress: Progress = silent) -> tuple[Flight, tuple[str, ...]]:
@@ -107,6 +141,12 @@ def doubts(matching: Matching) -> tuple[str, ...]:
     if not matching.pairs:
         found.insert(0, "no two tracks are surely of one target")
     return tuple(found)
+
+
+def _told(twice: Mapping[TrackName, TrackName]) -> list[str]:
+    return [
+        f"{track} is left out: it was proposed on the same vehicle as {other.target}" for track, other in twice.items()
+    ]
 
 
 def _all_named(boxes: Mapping[TrackName, Box], names: Mapping[TrackName, str]) -> dict[TrackName, str]:

@@ -44,7 +44,7 @@ def test_every_car_is_proposed_and_nothing_else_first(video, capsys, tmp_path) -
     sheet = cv2.imread(str(tmp_path / "d" / "contact.png"))
     assert sheet.shape[0] > 100 * len(summary["targets"])
     boxes = tomllib.loads((tmp_path / "d" / "boxes.toml").read_text())["targets"]
-    assert boxes["target1"]["boxes"]["uav1"]["box"] == summary["targets"][0]["box"]
+    assert boxes["uav1-1"]["boxes"]["uav1"]["box"] == summary["targets"][0]["box"]
 
 
 def test_nothing_moving_is_exit_code_4(capsys, tmp_path) -> None:

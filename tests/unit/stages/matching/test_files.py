@@ -51,6 +51,15 @@ def test_only_targets_and_tracks_change(flight):
     assert "# matched: a:7 = b:car" in text
 
 
+def test_several_boxes_of_a_target_stay(flight):
+    two = "[{ frame = 3, box = [1, 2, 30, 40] }, { frame = 9, box = [2, 2, 30, 40] }]"
+    text = TEXT.replace("{ frame = 3, box = [1, 2, 30, 40] }", two)
+    names = {TrackName(camera="b", target="car"): "car"}
+    boxes = {TrackName(camera="b", target="car"): Box(frame=3, x=1, y=2, width=30, height=40)}
+    found = tomllib.loads(matched_text(text, flight, boxes, names, matched_paths(flight, None), {}))
+    assert [box["frame"] for box in found["targets"]["car"]["boxes"]["b"]] == [3, 9]
+
+
 @pytest.mark.parametrize("name", ["flight-matched.toml", "a-matched.csv"])
 def test_a_file_that_is_there_stays(flight, name):
     (flight.path.parent / name).write_text("mine")
