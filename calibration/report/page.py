@@ -57,7 +57,7 @@ def calibration_page(
 
 
 def _style() -> str:
-    return files("calibration.report").joinpath("page.css").read_text(encoding="utf-8")
+    return files(__package__).joinpath("page.css").read_text(encoding="utf-8")
 
 
 def _header(found: Calibration, title: str) -> str:

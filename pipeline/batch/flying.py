@@ -57,10 +57,7 @@ def fly(task: Task, worker: KeptWorker) -> Flown:
     flight = task.flight
     try:
         with _at_hand(flight.source) as here:
-            key, known = key_of(flight.source, here), task.known
-            if known is not None and known.key == _judged(key, known.status, task.limits) and _complete(task, known):
-                return Flown(outcome=known, found_finished=True)
-            return _flown(task, here, key, worker)
+            return _by_its_place(_fly(task, here, worker), here)
     except RunningFixError as error:
         return Flown(outcome=stopped(flight.name, flight.source, error))
     except Exception as error:  # a fault of the program in one flight stops no other
@@ -69,6 +66,30 @@ def fly(task: Task, worker: KeptWorker) -> Flown:
             expected="no such thing: this is a fault of the program", advice="run this flight alone with --verbose",
         )  # fmt: skip
         return Flown(outcome=replace(stopped(flight.name, flight.source, fault), exit_code=1))
+
+
+def _fly(task: Task, here: Path, worker: KeptWorker) -> Flown:
+    """Does a task whose files are at hand."""
+    flight, known = task.flight, task.known
+    try:
+        key = key_of(flight.source, here)
+    except RunningFixError as error:
+        return Flown(outcome=stopped(flight.name, flight.source, error))
+    if known is not None and known.key == _judged(key, known.status, task.limits) and _complete(task, known):
+        return Flown(outcome=known, found_finished=True)
+    return _flown(task, here, key, worker)
+
+
+def _by_its_place(flown: Flown, here: Path) -> Flown:
+    """What is said of a flight that was fetched, with where it was fetched from instead of where to."""
+    outcome = flown.outcome
+    if not is_url(outcome.source) or as_path(outcome.source) is not None:
+        return flown
+    fetched = str(here).removesuffix(inside(outcome.source))
+    place = outcome.source.removesuffix(inside(outcome.source))
+    error = {part: text.replace(fetched, place) for part, text in outcome.error.items()}
+    warnings = tuple(text.replace(fetched, place) for text in outcome.warnings)
+    return replace(flown, outcome=replace(outcome, error=error, warnings=warnings))
 
 
 def _flown(task: Task, here: Path, key: str, worker: KeptWorker) -> Flown:

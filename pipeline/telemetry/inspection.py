@@ -115,7 +115,7 @@ def _missing(log: FlightLog) -> tuple[str, ...]:
 
 def _flight_file(log: FlightLog) -> tuple[str, ...]:
     """Lines for a camera's table."""
-    inside = log.format == "misb klv"
+    inside = bool(np.isfinite(log.video_start_s))
     lines = [f'video = "{log.path.name}"', 'telemetry = "video"'] if inside else [f'telemetry = "{log.path.name}"']
     if len(log.systems) > 1:
         lines.append(f"system = {log.system}   # of {', '.join(map(str, log.systems))}")
@@ -126,7 +126,7 @@ def _flight_file(log: FlightLog) -> tuple[str, ...]:
     else:
         lines.append("mount = { roll_deg = 0, pitch_deg = 0, yaw_deg = 0 }   # the camera in the body: fill in")
     if np.isfinite(log.video_start_s):
-        lines.append("# no start: the time stamps beside the video tell it")
+        lines.append("# no start: the video tells it")
     elif len(log.camera_event_s):
         lines.append('start = "camera-event"   # if the first exposure is frame 0; else "auto"')
     elif log.format == "dji srt":

@@ -21,6 +21,7 @@ from pipeline.telemetry.log.validity import with_validity_notes
 from pipeline.telemetry.mavlink.flight import mavlink_flight
 from pipeline.telemetry.mavlink.packets.names import FIELDS
 from pipeline.telemetry.subtitles.dji import read_dji_srt
+from pipeline.telemetry.subtitles.in_video import VIDEO_NAMES
 from pipeline.telemetry.ulog.flight import read_ulog
 
 KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt, .ts with metadata, .csv of AirData or DJI"
@@ -92,6 +93,8 @@ def log_format(path: Path) -> LogFormat:
             return known
     if is_transport(data):
         return "misb klv"
+    if kind in VIDEO_NAMES:
+        return "dji srt"
     if is_flight_record(path):
         return "flight record"
     if kind in NAMES:

@@ -125,7 +125,8 @@ def order_unknowns(
     for t in basis.targets:
         if t.kind == "spline":
             rows.append(np.arange(t.first, t.first + t.count))
-            when.append(np.array([t.knots_s[i + 1 : i + 1 + t.degree].mean() for i in range(t.count)]))
+            windows = np.lib.stride_tricks.sliding_window_view(t.knots_s[1:], t.degree)
+            when.append(windows[: t.count].mean(axis=1))
     band = np.concatenate(rows) if rows else NO_PLACES
     n_band = 3 * len(band) if motion_free else 0
     if motion_free:

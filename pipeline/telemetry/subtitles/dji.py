@@ -35,6 +35,7 @@ from pipeline.telemetry.log.flight_log import (
 )
 from pipeline.telemetry.log.series import attitude_series, gimbal_series, position_series
 from pipeline.telemetry.log.tables import Progress
+from pipeline.telemetry.subtitles.in_video import VIDEO_NAMES, subtitles_in
 
 NUMBER = r"\s*([-+]?\d+(?:\.\d+)?)"
 CUE = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
@@ -51,14 +52,20 @@ BRACKETS = {
 }  # fmt: skip
 TIME_NOTE = "log time is the video's own; dates in the subtitles are of an unknown time zone"
 NOTHING = float("nan")
+IN_VIDEO_SIGMA_S = 0.02
+"""Between a subtitle and its own frame: half a frame."""
 
 
 def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
-    """The flight in a DJI subtitle file.
+    """The flight in a DJI subtitle file, or in the subtitles of a video.
 
     Raises InputFileError where the file cannot be read or holds no subtitle with a time.
     """
-    text = read_bytes(path, expected="DJI subtitles (.SRT)").decode("utf-8", "replace").replace("\r", "")
+    inside = path.suffix.lower() in VIDEO_NAMES
+    if inside:
+        text = subtitles_in(path)
+    else:
+        text = read_bytes(path, expected="DJI subtitles (.SRT)").decode("utf-8", "replace").replace("\r", "")
     blocks = [part for block in re.split(r"\n\s*\n", text) for part in _cues(block) if part.strip()]
     time, joined = _continued(_times(blocks))
     timed = np.isfinite(time)
@@ -82,6 +89,8 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
         attitude=_attitude(used, time[timed]),
         gimbal=_gimbal(used, time[timed]),
         accuracy=accuracy,
+        video_start_s=0.0 if inside else NOTHING,
+        video_start_sigma_s=IN_VIDEO_SIGMA_S if inside else NOTHING,
         notes=(
             "log time is the video's own; dates in the subtitles are of an unknown time zone",
             *joined,

@@ -217,6 +217,7 @@ def test_files_that_a_flight_elsewhere_lacks_are_named(flights, bucket, tmp_path
     assert main(["batch", "s3://night/lost/flight.toml", "-o", str(tmp_path / "out"), "--json"]) == 7
     error = json.loads(capsys.readouterr().out)["flights"][0]["error"]
     assert error["seen"] == "no such file"
+    assert error["where"].startswith("s3://night/lost/"), "where it was looked for, not where it was fetched to"
     assert main(["batch", "s3://night/none/*.toml", "-o", str(tmp_path / "out")]) == 3
     assert "nothing matches" in capsys.readouterr().err
 

@@ -1,11 +1,14 @@
 """The wheel: one package, whose every module loads and which runs a flight, with nothing of the source in reach."""
 
+import ast
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy
@@ -16,6 +19,7 @@ from tests.scenes.table_flight import write_table_flight
 
 ROOT = Path(__file__).parents[3]
 NEEDED = ("pyproject.toml", "README.md", "LICENSE", "calibration", "pipeline", "runningfix", "scripts/wheel.py")
+MODULE = re.compile(r"(calibration|pipeline)(\.[a-z_]\w*)+")
 BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
 LOAD_ALL = """
 import importlib, pkgutil, sys, runningfix
@@ -85,6 +89,15 @@ def test_a_flight_runs_far_from_the_source(installed, tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["status"] == "converged"
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+
+
+def test_no_text_names_a_module_by_where_it_lies_in_the_source():
+    named = []
+    for package in ("calibration", "pipeline", "runningfix"):
+        for path in (ROOT / package).rglob("*.py"):
+            texts = (node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant))
+            named += [(path.name, t) for t in texts if isinstance(t, str) and MODULE.fullmatch(t) and find_spec(t)]
+    assert not named, "say __name__ or __package__: installed, it lies elsewhere"
 
 
 def test_imports_are_rewritten_and_text_is_not():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -58,16 +59,17 @@ def laid(picture: np.ndarray, car: np.ndarray, centre: np.ndarray) -> np.ndarray
     return picture * (1 - share) + cv2.warpAffine(car, move, SIZE) * share
 
 
-def followed(video: Iterator[Frame]) -> tuple[list[Fix], list[TrackState]]:
+def followed(video: Iterator[Frame], settings: TrackingSettings | None = None) -> tuple[list[Fix], list[TrackState]]:
     """Every fix, and the target after every frame."""
+    settings = settings or TrackingSettings()
     fixes, states, target = list[Fix](), list[TrackState](), None
     x, y = place(0) - np.array(CAR) / 2 + 0.5
     for scene in scenes(video):
         if target is None:
-            target, first = begin(scene.pixels, Box(frame=0, x=x, y=y, width=CAR[0], height=CAR[1]), TrackingSettings())
+            target, first = begin(scene.pixels, Box(frame=0, x=x, y=y, width=CAR[0], height=CAR[1]), settings)
             fixes.append(first)
         else:
-            target, new = follow(target, scene, TrackingSettings())
+            target, new = follow(target, scene, settings)
             fixes += new
         states.append(target)
     return fixes, states
@@ -89,6 +91,22 @@ def test_a_find_that_does_not_hold_leaves_the_target_on_its_own_course(looks) ->
 def test_a_mistaken_find_costs_nothing(looks) -> None:
     with_flash, without = (followed(frames(looks, 110, flash=flash))[0] for flash in (True, False))
     assert {fix.frame for fix in with_flash} == {fix.frame for fix in without}
+
+
+def test_few_pixels_are_not_looked_for_for_long(looks) -> None:
+    fixes, states = followed(frames(looks, 120, flash=False), TrackingSettings(telling_px=400.0))
+    assert states[-1].gone
+    assert max(fix.frame for fix in fixes) < 75
+
+
+@pytest.mark.parametrize("step", [1e-15, -1e-15])
+def test_no_decision_hangs_on_how_times_are_rounded(looks, step) -> None:
+    rounded, raw = (
+        followed(replace(f, time_s=f.time_s + off * f.index) for f in frames(looks, 110, flash=True))[0]
+        for off in (0.0, step)
+    )
+    assert [fix.frame for fix in rounded] == [fix.frame for fix in raw]
+    np.testing.assert_allclose([f.xy_px for f in rounded], [f.xy_px for f in raw], atol=1e-6)
 
 
 @pytest.mark.parametrize("drawn", [85, 87, 90])

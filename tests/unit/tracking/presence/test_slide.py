@@ -84,3 +84,24 @@ def test_where_nothing_else_tells_a_doubtful_look_decides(ground) -> None:
     )
     assert has_slid(trail, blind, SIZE, doubtful=True)
     assert not has_slid(trail, blind, SIZE, doubtful=False)
+
+
+def slowing(ground: np.ndarray, by_box: bool) -> Trail:
+    """A track over still ground that comes to rest little by little after a second."""
+    still, place, speed = np.eye(3), np.array([60.0, 100.0]), 4.0
+    trail = first_trail(0, 0.0, place)
+    for frame in range(1, 45):
+        speed *= 1.0 if frame < 12 else 0.8
+        place = place + np.array([speed, 0.0])
+        scene = Scene(
+            frame=frame, time_s=frame / RATE_HZ, pixels=ground, dt_s=1 / RATE_HZ, cur_from_prev=still, keys=()
+        )
+        trail = extended(carried_trail(trail, scene), scene, place, float(np.sqrt(SIZE.prod())), by_box)
+    return trail
+
+
+def test_a_box_that_comes_to_rest_little_by_little_is_no_target_that_slows_down(ground) -> None:
+    alone, surface = slowing(ground, by_box=True), slowing(ground, by_box=False)
+    assert alone.certain < 20
+    assert alone.suspicious > 2
+    assert np.hypot(*surface.velocity) < 0.8 * np.hypot(*alone.velocity)
