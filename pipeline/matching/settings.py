@@ -15,7 +15,7 @@ class MatchSettings:
                     narrow basins (turns, stops) are stepped over
     gap_s           between two fixes of a track, up to which it is taken as straight in between
     most_samples    of two tracks, in the sweep and afterwards
-    sure            margin in log-likelihood from which a pair is told: 150 to one. Lower: more pairs, more wrong ones
+    sure            margin in log-likelihood from which a pair is told: 400 to one. Lower: more pairs, more wrong ones
     orders          polynomials in time by which two tracks' misses are judged, 0 to 4: what is faster is noise
     apart_m         how far apart two different targets are, one sigma; the size of a scene
     speed_mps       by how much velocities of different targets differ, one sigma; of those that drive alike, alike_mps
@@ -41,7 +41,7 @@ class MatchSettings:
     step_s: float = 0.25
     gap_s: float = 1.0
     most_samples: int = 48
-    sure: float = 5.0
+    sure: float = 6.0
     orders: int = 5
     apart_m: float = 50.0
     speed_mps: float = 8.0

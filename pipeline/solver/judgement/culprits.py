@@ -183,10 +183,10 @@ def suspected(
     cameras = range(len(model.frames.cameras))
     converting = CONVENTIONS if misfits.whole.z > GROSS else ()
     yield [
+        *_exchanges(model, ranked[:WORST]),
+        *_without_targets(model, ranked[:WORST]),
         *(converted(model, c, convention) for convention in converting for c in cameras),
         *_steps(model, sequences, ("position", "attitude", "offset")),
-        *_without_targets(model, ranked[:WORST]),
-        *_exchanges(model, ranked[:WORST]),
         *(change for track in misfits.tracks[: 2 * WORST] for change in _without_track(model, track)),
         *(_without_cameras(model) if len(cameras) > 2 else ()),
     ]

@@ -2,7 +2,8 @@
 
 Every half second what moves against the background is boxed (`moving`), and each box that is not on a target already
 followed is followed as a target would be (`follow`). It is proposed when it could be followed and has left its place
-over the ground by more than a fraction of its size; what only seems to move does neither.
+over the ground, and among its surroundings, by more than a fraction of its size; what only seems to move (parallax, a
+piece of road) does neither.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import Box
+from pipeline.tracking.detection.surroundings import surroundings_shift
 from pipeline.tracking.following.follow import begin, follow
 from pipeline.tracking.scene.background import Scene, moved, scenes
 from pipeline.tracking.scene.moving import moving_boxes
@@ -70,6 +72,7 @@ class _Candidate:
     fixes: int = 1
     looks: int = 1
     way_px: float = 0.0
+    against_px: Floats = field(default_factory=lambda: np.zeros(2))  # way against its surroundings
     pictures: list[Image] = field(default_factory=list)
 
 
@@ -109,6 +112,7 @@ class _Search:
         self.settings = TrackingSettings()
         self.candidates: list[_Candidate] = []
         self.proposals: list[Proposal] = []
+        self.before: Image | None = None
 
     def look(self, window: Sequence[Scene], apart: int) -> None:
         """Takes up what moves in the window's middle and is not followed yet."""
@@ -127,11 +131,26 @@ class _Search:
     def go_on(self, scene: Scene) -> None:
         """Follows every candidate one frame further; ends those that are lost or do not move."""
         for candidate in tuple(self.candidates):
+            was = np.array(candidate.target.course.position_px)
             self._follow(candidate, scene)
+            self._against(candidate, was, scene)
             lost = scene.time_s - candidate.last_s > LOST_S or candidate.target.gone
             tried = scene.time_s - candidate.begun_s > TRIAL_S
             if lost or (tried and candidate.looks >= 5 and not _moves(candidate)):
                 self._end(candidate)
+        self.before = scene.pixels
+
+    def _against(self, candidate: _Candidate, was: Floats, scene: Scene) -> None:
+        """Adds to a candidate's way against its surroundings; no way is longer than that."""
+        if self.before is None:
+            return
+        shift = surroundings_shift(
+            self.before, scene.pixels, was, candidate.target.template.size_px, scene.cur_from_prev
+        )
+        carried = moved(scene.cur_from_prev, was)[0]
+        turned = moved(scene.cur_from_prev, was + candidate.against_px)[0] - carried
+        candidate.against_px = turned + np.array(candidate.target.course.position_px) - carried - shift
+        candidate.way_px = min(candidate.way_px, float(np.hypot(*candidate.against_px)))
 
     def finish(self) -> None:
         """Ends every candidate."""

@@ -125,6 +125,11 @@ def test_nothing_is_applied() -> None:
     assert len(found.sightings.frame) == sum(len(c.rays.frame) for c in problem.cameras)
 
 
+def test_a_mistake_is_not_hidden_in_pose_errors_that_last() -> None:
+    found = solved(mistaken.exchanged(mistaken.right_flight(1), "uav2", 0, 2))
+    assert not [f for f in found.findings if f.kind == "wandering-poses"]
+
+
 def test_one_sigma_is_the_larger_of_plain_and_robust() -> None:
     found = solved(mistaken.right_flight(2))
     assert found.shared_covariance is not None
