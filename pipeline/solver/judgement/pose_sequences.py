@@ -112,6 +112,9 @@ def _of_camera(model: Model, state: State, c: int, chosen: Ints) -> list[Sequenc
                 log10_p=min(0.0, log10_chance(float(chi[best]), 6) + many),
             )
         )  # fmt: skip
+    lasting = None if model.wander is None else model.wander.of(c)
+    if lasting is not None and lasting.stop > lasting.start:
+        return found  # its errors are taken to last already: what is left goes with the errors of the tracks
     return [*found, *_alike(frames.cameras[c], int(frames.frame[chosen[0]]), float(video[0]), u, information)]
 
 

@@ -65,7 +65,7 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
             *_of_sequences(tests.sequences, settings),
             *_of_misfits(tests.misfits, settings),
         ]
-        if doubts:
+        if any(reason.kind != "pose-errors-alike" for reason in doubts):  # of those no single change is the cause
             doubts = _with_suspects(problem, found, tests, doubts)
         ground = 0.0 if problem.ground is None else problem.ground.sigma_m
         against = known_reasons(solution.landmarks, solution.ground, ground, settings)

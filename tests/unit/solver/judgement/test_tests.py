@@ -10,8 +10,11 @@ from scipy.stats import chi2
 
 from pipeline.geometry import rotation
 from pipeline.solver.judgement.depth import interval
+from pipeline.solver.judgement.pose_sequences import pose_sequences
 from pipeline.solver.judgement.prior_tests import log10_chance, whitened_square
 from pipeline.solver.judgement.words import mount_words
+from pipeline.solver.observation.pose_wander import wander_knots
+from tests.scenes.solver import changed, rich_model
 
 
 @pytest.mark.parametrize(("statistic", "freedom"), [(0.5, 1), (12.0, 3), (300.0, 6), (1400.0, 3)])
@@ -73,3 +76,18 @@ def test_the_mount_that_the_pictures_fit_is_said(
     words = mount_words((float(yaw), float(pitch), float(roll)), turn)
     assert said in words
     assert ("radians" in words) == (said == "taken for radians")
+
+
+@pytest.mark.parametrize("lasting", [False, True])
+def test_errors_that_are_taken_to_last_are_not_called_alike_again(lasting: bool) -> None:
+    model, state = rich_model(drift=False)
+    slow = np.sin(np.linspace(0, 9, len(state.own)))[:, None] * np.ones(6)
+    state = changed(state, own=slow)
+    if lasting:
+        sigma = np.zeros((2, 6))
+        sigma[0] = 0.01
+        model = model.changed(wander=wander_knots(model.frames, sigma, np.full((2, 6), 2.0)))
+        state = changed(state, wander=np.zeros((model.wander.count, 6)))
+    alike = {s.camera for s in pose_sequences(model, state) if s.kind == "alike"}
+    cameras = set(model.frames.cameras)
+    assert alike == (cameras - {model.frames.cameras[0]} if lasting else cameras)

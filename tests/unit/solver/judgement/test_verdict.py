@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.foundation.errors import GeometryError
-from pipeline.records import Finding, Problem, Solution, SolverSettings, TargetInput
+from pipeline.records import Finding, Problem, Reason, Solution, SolverSettings, TargetInput
 from pipeline.solver import solve
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import simulate
@@ -128,6 +128,16 @@ def test_nothing_is_applied() -> None:
 def test_a_mistake_is_not_hidden_in_pose_errors_that_last() -> None:
     found = solved(mistaken.exchanged(mistaken.right_flight(1), "uav2", 0, 2))
     assert not [f for f in found.findings if f.kind == "wandering-poses"]
+
+
+def test_errors_that_are_alike_are_said_and_start_no_search_for_a_culprit(monkeypatch: pytest.MonkeyPatch) -> None:
+    verdict = sys.modules["pipeline.solver.judgement.verdict"]
+    alike = Reason(
+        kind="pose-errors-alike", subject="uav1", words="w", advice="a", grade="care", figure=1.0, measure="m"
+    )
+    monkeypatch.setattr(verdict, "_of_sequences", lambda *_: [alike])
+    monkeypatch.setattr(verdict, "search_culprits", None)
+    assert solved(mistaken.right_flight(0)).verdict.reasons == (alike,)
 
 
 def test_one_sigma_is_the_larger_of_plain_and_robust() -> None:
