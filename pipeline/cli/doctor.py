@@ -9,12 +9,15 @@ from importlib.metadata import version
 
 from pipeline.cli.console import Console
 from pipeline.doctor import Finding, Trial, findings, tried
+from pipeline.solver import make_ready
 
 BROKEN = 1
 
 
 def run(arguments: Namespace, console: Console) -> int:
     """0 where nothing is wrong, else 1; what is wrong is said with what mends it."""
+    if arguments.warm:
+        make_ready(lambda done, total: console.progress("compile", done, total))
     found = findings()
     trials = tried(console.progress) if not arguments.quick else ()
     broken = any(one.state == "wrong" for one in found) or not all(one.right for one in trials)

@@ -59,6 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
     doctor = _command(
         commands, "doctor", "is this installation whole: packages, folders, a self-test", "runningfix doctor"
     )
+    doctor.add_argument("--warm", action="store_true", help="compile ahead what would be compiled on first use")
     doctor.add_argument("--quick", action="store_true", help="only look at what is installed, without the self-test")
     _demo(commands)
     _experiment(commands)

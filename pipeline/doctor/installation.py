@@ -15,13 +15,19 @@ from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
+from pipeline.solver import how_compiled
+
 OPENCV = ("opencv-python", "opencv-python-headless", "opencv-contrib-python", "opencv-contrib-python-headless")
 OURS = "opencv-contrib-python-headless"
-NEEDED = ("numpy", "scipy", "pandas", OURS, "pymavlink", "rich", "pyyaml", "pillow")
+NEEDED = ("numpy", "scipy", "pandas", OURS, "pymavlink", "rich", "pyyaml", "pillow", "av")
 EXTRAS: Mapping[str, tuple[str, str]] = {
     "fast": ("numba", "compiled kernels; without them a solve takes several times as long"),
     "ulog": ("pyulog", "PX4 .ulg logs"),
     "parquet": ("pyarrow", "pose tables as .parquet"),
+    "geoid": ("pyproj", "heights above sea level by EGM2008"),
+    "terrain": ("rasterio", "terrain models under targets"),
+    "plot": ("matplotlib", "plot() of the Python records"),
+    "batch": ("fsspec", "many flights into one data set"),
     "demo": ("imageio-ffmpeg", "an encoder for rendered videos"),
     "cluster": ("distributed", "many flights on a Dask cluster"),
 }
@@ -49,6 +55,7 @@ def findings() -> tuple[Finding, ...]:
         one_opencv(installed),
         opencv_builds(),
         *extras(installed),
+        compiled_loops(how_compiled()),
         *writable(),
     )
 
@@ -123,6 +130,17 @@ def extras(installed: Mapping[str, str]) -> Iterable[Finding]:
             yield Finding(name=name, state="good", seen=f"{package} {installed[package]}")
         else:
             yield Finding(name=name, state="absent", seen=brings, advice=f"pip install 'runningfix[{extra}]'")
+
+
+def compiled_loops(how: str) -> Finding:
+    """How the solver's loops run: built with the installation, compiled on first use, or not compiled."""
+    if how == "ahead":
+        return Finding(name="solver's loops", state="good", seen="compiled with the installation")
+    if how == "when called":
+        seen = "compiled on first use, about a minute once on a machine"
+        return Finding(name="solver's loops", state="good", seen=seen, advice="runningfix doctor --warm does it ahead")
+    advice = "install a C compiler and install again, or pip install 'runningfix[fast]'"
+    return Finding(name="solver's loops", state="absent", seen="not compiled: about 20 times slower", advice=advice)
 
 
 def writable() -> Iterable[Finding]:

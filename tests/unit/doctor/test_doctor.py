@@ -1,6 +1,9 @@
 """Faults of an installation are found and named with what mends them; the self-test notices wrong answers."""
 
 import json
+import re
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -37,6 +40,32 @@ def test_a_folder_that_cannot_be_written_is_told(monkeypatch):
     temporary, code = looks.writable()
     assert (temporary.state, code.state) == ("wrong", "absent")
     assert "NUMBA_CACHE_DIR" in code.advice
+
+
+def test_everything_that_is_needed_is_looked_for():
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    assert {re.match(r"[\w-]+", line)[0] for line in project["dependencies"]} == set(looks.NEEDED)
+    ours = {"all", "test", "docs", "fuzz", "mutation"}
+    assert set(project["optional-dependencies"]) - ours == set(looks.EXTRAS)
+
+
+@pytest.mark.parametrize(
+    ("how", "state", "said"), [("ahead", "good", ""), ("when called", "good", "--warm"), ("no", "absent", "C compiler")]
+)
+def test_how_loops_are_compiled_is_told(how, state, said):
+    found = looks.compiled_loops(how)
+    assert found.state == state
+    assert said in found.advice
+
+
+def test_compiling_ahead_is_done_when_asked(monkeypatch, capsys):
+    monkeypatch.setattr(looks, "versions", lambda: WHOLE)
+    asked = []
+    monkeypatch.setattr("pipeline.cli.doctor.make_ready", asked.append)
+    assert main(["doctor", "--quick"]) == 0
+    assert not asked
+    assert main(["doctor", "--quick", "--warm"]) == 0
+    assert len(asked) == 1
 
 
 def test_this_opencv_has_its_parts():

@@ -114,7 +114,7 @@ def test_a_barometers_heights_are_held_against_the_receivers(off_m, said):
 
 
 def test_heights_that_count_from_elsewhere_for_a_while_are_told():
-    """ArduPilot's GLOBAL_POSITION_INT before it knows its home: 589 m low in a public log."""
+    """ArduPilot's GLOBAL_POSITION_INT before it knows its home: hundreds of metres low in a public log."""
     height = np.where(np.arange(20) < 5, 689.0, 100.0)
     log = replace(log_of(), receiver=receiver([3] * 20, height_m=height))
     assert "589 m off" in position_worth(log).notes[0]
