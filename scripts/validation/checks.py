@@ -254,7 +254,7 @@ CHECKS = (
     ),
     Check(
         name="fuzz",
-        module="fuzz",
+        module="check_fuzzing",
         minutes=115,
         says="every kind of input for ten minutes each, made as coverage leads: crashes, hangs, memory",
         needs="the extra `fuzz`",

@@ -284,6 +284,48 @@ ROWS = (
         what="small faults put into the code one at a time: found by the tests",
         words=lambda f: f"{f['killed']} of {f['mutants']}; {f['survived_explained']} of the others are explained",
     ),
+    Row(
+        check="ground",
+        what="one camera over cars on the ground, error over claim, level and hilly, hovering and flying past",
+        words=lambda f: "; ".join(
+            f"{name.removesuffix('_error_over_claim').replace('_', ' ')} {value:.2f}"
+            for name, value in f.items()
+            if name.endswith("_error_over_claim")
+        ),
+    ),
+    Row(
+        check="match",
+        what="pairs of tracks found, clocks unknown, half of the tracks strangers",
+        words=lambda f: (
+            f"{f['match_flights']} flights: {100 * f['match_right_share']:.0f} % told and right, "
+            f"{100 * f['match_wrong_share']:.1f} % of those told wrong"
+        ),
+    ),
+    *(
+        Row(
+            check=check,
+            what=f"many flights {how}: one worker killed, one flight endless, one too large",
+            words=lambda f: (
+                f"{f['done']} done, {f['same_as_alone']} the same as alone, {f['timeout'] + f['memory']} reported; "
+                f"time {f['ratio']:.2f} of the solves' sum over the processes"
+            ),
+        )
+        for check, how in (("batch", "on all cores"), ("batch-cluster", "on a cluster"))
+    ),
+    Row(
+        check="kills",
+        what="commands killed at random, results that differ from undisturbed ones",
+        words=lambda f: "; ".join(
+            f"{name.removesuffix('_hits')} {f[name.replace('_hits', '_wrong')]} of {hits}"
+            for name, hits in f.items()
+            if name.endswith("_hits")
+        ),
+    ),
+    Row(
+        check="fuzz",
+        what="inputs of every kind, made as coverage leads",
+        words=lambda f: f"{f['minutes_each']:g} minutes each, {f['findings']} kinds with findings",
+    ),
 )
 
 

@@ -18,7 +18,10 @@ from scripts.wheel import rewritten
 from tests.scenes.table_flight import write_table_flight
 
 ROOT = Path(__file__).parents[3]
-NEEDED = ("pyproject.toml", "README.md", "LICENSE", "calibration", "pipeline", "runningfix", "scripts/wheel.py")
+NEEDED = (
+    "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "calibration", "pipeline", "native",
+    "runningfix", "scripts/wheel.py",
+)  # fmt: skip
 MODULE = re.compile(r"(calibration|pipeline)(\.[a-z_]\w*)+")
 BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
 LOAD_ALL = """
@@ -43,7 +46,7 @@ def wheel(tmp_path_factory):
         source, copy = ROOT / name, folder / "source" / name
         copy.parent.mkdir(parents=True, exist_ok=True)
         if source.is_dir():
-            shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
         else:
             shutil.copy(source, copy)
     build = [sys.executable, "-P", "-c", BUILD, str(folder)]

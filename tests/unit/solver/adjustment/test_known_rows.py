@@ -13,6 +13,7 @@ from pipeline.solver.adjustment.assembly import add_priors
 from pipeline.solver.adjustment.banded_system import Bordered, factorise
 from pipeline.solver.adjustment.known_rows import known_square
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, levenberg_marquardt, levenberg_marquardt_plain
+from pipeline.solver.adjustment.model import jerk_penalty
 from pipeline.solver.methods.intersection import intersect
 from pipeline.solver.observation.clocks import common_time_s
 from pipeline.solver.observation.known_motion import KnownMotion
@@ -54,6 +55,8 @@ def system_of(model, state):
 @pytest.mark.parametrize("kinds", [("polynomial", "spline"), ("polynomial", "polynomial")])
 def test_the_gradient_is_that_of_the_cost_and_the_matrix_its_square(kinds):
     plain, state = rich_model(kinds=kinds, drift=False, pose_rate=False)
+    # Without the jerk prior, which is another one for a target on the ground.
+    plain = replace(plain, priors=replace(plain.priors, jerk=np.full_like(plain.priors.jerk, np.inf)))
     known = known_of(plain)
     model = plain.changed(known=known)
     state = replace(state, ground=np.array([0.3, -0.2, 0.1]))
@@ -83,6 +86,15 @@ def test_the_gradient_is_that_of_the_cost_and_the_matrix_its_square(kinds):
     step = 1e-5 * x
     rise = known_square(model, moved(step)) - 2 * known_square(model, state) + known_square(model, moved(-step))
     assert quadratic == pytest.approx(rise / 2e-10, rel=0.02)  # Gauss-Newton: the paraboloid's own curvature is small
+
+
+def test_the_ground_takes_the_place_of_the_jerk_prior_upwards():
+    plain, _ = rich_model(kinds=("polynomial", "spline"), drift=False, pose_rate=False)
+    spline = next(n for n, t in enumerate(plain.basis.targets) if t.kind == "spline")
+    _, free, _ = jerk_penalty(plain, spline)
+    _, held, _ = jerk_penalty(plain.changed(known=known_of(plain)), spline)
+    np.testing.assert_allclose(held[..., :2], free[..., :2] * np.ones(2))
+    assert np.all(np.abs(held[..., 2]) < 0.5 * np.abs(free[..., -1]))
 
 
 @pytest.mark.skipif(not _kernels.AVAILABLE, reason="numba is not installed")

@@ -1,6 +1,6 @@
 """Every kind of input, fuzzed as coverage leads (libFuzzer by Atheris, extra `fuzz`): read, or refused in words.
 
-usage: python -m scripts.validation.fuzz [--minutes 10] [--kinds flight camera ...] [--keep FOLDER]
+usage: python -m scripts.validation.check_fuzzing [--minutes 10] [--kinds flight camera ...] [--keep FOLDER]
 
 Each kind is a process of its own, for so many minutes. A finding is an exception that is no RunningFixError, a crash,
 an input that takes more than 30 s, or 3 GB of memory; its input is kept in FOLDER. Loops are not compiled here, as
@@ -185,7 +185,7 @@ def fuzz_one(kind: str, minutes: float, corpus: Path, keep: Path) -> None:
 def fuzz(kind: str, minutes: float, keep: Path) -> dict[str, object]:
     """Executions and whether something was found, with the end of what was said."""
     with tempfile.TemporaryDirectory() as corpus:
-        command = [sys.executable, "-m", "scripts.validation.fuzz", "--one", kind, "--minutes", str(minutes)]
+        command = [sys.executable, "-m", "scripts.validation.check_fuzzing", "--one", kind, "--minutes", str(minutes)]
         command += ["--corpus", corpus, "--keep", str(keep)]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=60 * minutes + 600)
     said = done.stdout + done.stderr
