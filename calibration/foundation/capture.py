@@ -114,7 +114,7 @@ class Capture:
     def _open(self) -> None:
         self._file = open_video(self.path)
         try:
-            self._container = _container(self._file)
+            self._container = container_of(self._file)
             self._stream, self.moving = _chosen(self._container, self._wanted, self.path)
             self._stream.thread_type = ThreadType.AUTO
             self._stream.codec_context.thread_count = self._threads
@@ -350,7 +350,8 @@ def no_frames(path: Path) -> InputFileError:
     )
 
 
-def _container(file: BinaryIO) -> InputContainer:
+def container_of(file: BinaryIO) -> InputContainer:
+    """A video by its bytes, never by its name: what it names beside itself is not opened. Raises as FFmpeg does."""
     return av.open(file, mode="r", metadata_errors="ignore", options={"fflags": "+genpts"}, io_open=_nothing_else)
 
 
@@ -391,7 +392,7 @@ def _chosen(container: InputContainer, wanted: int | None, path: Path) -> tuple[
 def _those_that_move(streams: list[VideoStream], path: Path) -> list[VideoStream]:
     """Those with more than one packet among the first of the file, looked at apart; all where none has."""
     counts = dict.fromkeys((s.index for s in streams), 0)
-    with open_video(path) as file, _container(file) as apart:
+    with open_video(path) as file, container_of(file) as apart:
         for packet in islice(apart.demux(video=tuple(range(len(apart.streams.video)))), ASKED_PACKETS):
             if packet.size and packet.stream_index in counts:
                 counts[packet.stream_index] += 1

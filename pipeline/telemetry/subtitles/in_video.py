@@ -17,8 +17,10 @@ def subtitles_in(path: Path) -> str:
     """
     import av  # here, for it is slow to import
 
+    from calibration.foundation.capture import container_of
+
     try:
-        with av.open(str(path)) as container:
+        with path.open("rb") as file, container_of(file) as container:
             tracks = [s for s in container.streams.subtitles if s.codec_context.name in SUBTITLE_NAMES]
             if not tracks:
                 raise _none(path)
@@ -32,7 +34,7 @@ def subtitles_in(path: Path) -> str:
                 for packet in container.demux(tracks[0])
                 if packet.pts is not None and packet.size
             ]
-    except av.FFmpegError as error:
+    except (av.FFmpegError, OSError) as error:
         raise InputFileError(
             where=str(path),
             seen=f"a video that cannot be opened ({error})",

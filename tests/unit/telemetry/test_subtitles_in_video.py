@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
 import av
 import numpy as np
@@ -55,6 +56,12 @@ def test_a_video_that_carries_nothing(tmp_path):
         out.mux(picture.encode())
     with pytest.raises(InputFileError, match="carries no log"):
         read_log(tmp_path / "a.mkv")
+
+
+def test_a_name_is_never_taken_for_a_protocol(tmp_path, monkeypatch):
+    video(tmp_path / "a.mkv", CUES).rename(tmp_path / "concat:a.mkv")
+    monkeypatch.chdir(tmp_path)
+    assert dict(read_log(Path("concat:a.mkv")).counts) == {"subtitle": 8}
 
 
 def test_what_is_no_video(tmp_path):
