@@ -7,7 +7,7 @@ from argparse import Namespace
 
 from calibration.foundation.errors import DID_NOT_CONVERGE
 from pipeline.cli.console import Console
-from pipeline.cli.flights import machine_summary
+from pipeline.cli.flights import machine_summary, solved_in
 from pipeline.demo import DemoSummary, run_demo
 
 
@@ -16,7 +16,7 @@ def run(arguments: Namespace, console: Console) -> int:
     console.say(f"rendering a flight into {arguments.output}, then processing it as a user would")
     found = run_demo(arguments.output, seed=arguments.seed, progress=console.progress)
     out = arguments.output / "out"
-    summary = machine_summary(found.run, out, solved=True) | {
+    summary = machine_summary(found.run, out, solved_in(out)) | {
         "command": "demo",
         "seconds": {name: round(value, 3) for name, value in found.seconds.items()},
         "comparison": [

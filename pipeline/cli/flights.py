@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,17 +36,22 @@ def run(arguments: Namespace, console: Console) -> int:
         summary = ACTIONS[arguments.command](flight, out, progress=console.progress)
     for warning in summary.warnings:
         console.say(f"note: {warning}")
-    solved = arguments.command in ("solve", "run")
-    report = {**machine_summary(summary, out, solved=solved), "command": arguments.command}
-    console.result(report, words(report, out))
-    return DID_NOT_CONVERGE if solved and report["verdict"]["grade"] == "bad" else 0
+    solution = solved_in(out) if arguments.command in ("solve", "run") else None
+    report = {**machine_summary(summary, out, solution), "command": arguments.command}
+    console.result(report, words(report, out, solution))
+    return DID_NOT_CONVERGE if solution and solution["verdict"]["grade"] == "bad" else 0
 
 
-def machine_summary(summary: RunSummary, out: Path, *, solved: bool) -> dict[str, Any]:
-    """The summary that `--json` prints."""
+def solved_in(out: Path) -> dict[str, Any]:
+    """The solution that a command left in `out`."""
+    found: dict[str, Any] = json.loads((out / "solution.json").read_text())
+    return found
+
+
+def machine_summary(summary: RunSummary, out: Path, solution: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The summary that `--json` prints; with what is in `solution` where there is one."""
     found: dict[str, Any] = {"status": "done"}
-    if solved:
-        solution = json.loads((out / "solution.json").read_text())
+    if solution:
         found |= {key: solution[key] for key in FIGURES}
         found["findings"] = solution.get("findings", [])
         found["verdict"] = solution["verdict"]
@@ -60,20 +66,17 @@ def machine_summary(summary: RunSummary, out: Path, *, solved: bool) -> dict[str
     }
 
 
-def words(report: dict[str, Any], out: Path) -> RenderableType:
+def words(report: Mapping[str, Any], out: Path, solution: Mapping[str, Any] | None) -> RenderableType:
     """The same for people."""
-    lines: list[RenderableType] = []
-    if report["status"] != "done":
-        from pipeline.cli.result import shown
-
-        lines += [shown(json.loads((out / "solution.json").read_text())), ""]
-    if report["skipped"]:
-        lines.append(f"already finished: {', '.join(report['skipped'])}")
+    lines = [f"already finished: {', '.join(report['skipped'])}"] if report["skipped"] else []
     lines.append(f"{len(report['files'])} files in {out}")
-    if (out / "report.html").exists() and report["status"] != "done":
+    if solution and (out / "report.html").exists():
         lines.append(f"look at {out / 'report.html'}")
-    if all(isinstance(line, str) for line in lines):
-        return "\n".join(str(line) for line in lines)
+    text = "\n".join(lines)
+    if solution is None:
+        return text
     from rich.console import Group
 
-    return Group(*lines)
+    from pipeline.cli.result import shown
+
+    return Group(shown(solution), "", text)
