@@ -180,7 +180,8 @@ def _surface(watched: Watched, scene: Scene, settings: TrackingSettings) -> tupl
     surface, fixes = follow(surface, scene, settings)
     if watched.lost and fixes and before.doubt is not None:
         size_px, was = np.array(surface.template.size_px) * surface.scale, before.doubt.otherwise
-        if is_other(watched.trail, scene, size_px, np.array(fixes[-1].xy_px), was.lost_s):
+        way_px = float(np.hypot(*before.doubt.expected_px))
+        if is_other(watched.trail, scene, size_px, np.array(fixes[-1].xy_px), was.lost_s, way_px):
             return changed(watched, surface=carry(was, scene)), ()
     doubtful = bool(fixes) and fixes[-1].score < surface.usual[0] - WATCH.score_drop
     return changed(watched, surface=surface, doubted=scene.frame if doubtful else watched.doubted), fixes

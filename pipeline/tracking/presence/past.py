@@ -43,7 +43,7 @@ def kept(pasts: tuple[Past, ...], scene: Scene, xy_px: Floats, size_px: float) -
         there, _ = moved(last.cur_from_past, last.own_px)
         if math.dist(there.tolist(), xy_px.tolist()) < SLIDE.past_every_sizes * size_px:
             return pasts
-    reach = SLIDE.past_reach_sizes * size_px
+    reach = max(SLIDE.past_reach_sizes * size_px, SLIDE.past_reach_px)
     height, width = scene.pixels.shape[:2]
     left, top = (int(np.clip(v - reach, 0, n - 1)) for v, n in zip(xy_px, (width, height), strict=True))
     right, bottom = (int(np.clip(v + reach, 1, n)) for v, n in zip(xy_px, (width, height), strict=True))

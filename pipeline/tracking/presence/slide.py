@@ -171,16 +171,18 @@ def has_slid(trail: Trail, scene: Scene, size_px: Floats, doubtful: bool) -> boo
     return True if small and long else None
 
 
-def is_other(trail: Trail, scene: Scene, size_px: Floats, place_px: Floats, lost_s: float) -> bool:
+def is_other(trail: Trail, scene: Scene, size_px: Floats, place_px: Floats, lost_s: float, way_px: float) -> bool:
     """Whether what was found at a place after a loss is a thing of the scene, by where it was when the target was seen.
 
-    Of a small target that was lost for long, also where no earlier picture says so.
+    Of a small target that was lost for long, also where no earlier picture says so and it was not seen to go on.
+
+    way_px  that it went as the target would have, since it was found
     """
     told = scene_or_target(trail, scene, size_px, place_px)
     small = float(np.sqrt(size_px.prod())) < SLIDE.telling_px
     anywhere = small and lost_s > SLIDE.sure_s - INSTANT_S
     if told is None:
-        return anywhere
+        return anywhere and way_px < SLIDE.seen_going_sizes * float(np.sqrt(size_px.prod()))
     return told[0] > told[1] + (-SLIDE.margin if anywhere else SLIDE.slow_margin)
 
 
