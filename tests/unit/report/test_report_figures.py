@@ -175,7 +175,7 @@ def test_corrections_stand_beside_their_priors_in_the_units_of_people(results):
     )  # fmt: skip
     markup = orientation(solved(results, corrections=(correction(), focal)))
     words = re.sub("[\u2009\u00a0 ]+", " ", text(markup))
-    assert "attitude x (nods) \u22120.25\u00b0 \u00b1 0.50\u00b0 \u00b1 0.04\u00b0 \u22120.50" in words
+    assert "attitude x (nods) \u22120.250\u00b0 \u00b1 0.500\u00b0 \u00b1 0.040\u00b0 \u22120.50" in words
     assert "focal length 0.420 % \u00b1 0.100 % \u00b1 0.080 % beyond 3 sigmas: ! 4.19" in words
     assert "1 of 2 parameters lie beyond 3 sigmas" in words
     assert markup.count("pull beyond") == 2  # the dot, and its key
