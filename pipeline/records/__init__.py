@@ -33,7 +33,7 @@ from pipeline.records.tracks import (
     TrackerName,
 )
 from pipeline.records.truth import Truth
-from pipeline.records.verdict import GRADES, DepthRange, Grade, Reason, Verdict, worst
+from pipeline.records.verdict import GRADES, Correction, DepthRange, Grade, Reason, Verdict, worst
 
 __all__ = [
     "GRADES",
@@ -47,6 +47,7 @@ __all__ = [
     "CameraInput",
     "Clock",
     "Comparison",
+    "Correction",
     "DepthRange",
     "Finding",
     "Grade",

@@ -15,6 +15,7 @@ from pipeline.records import (
     Bias,
     Clock,
     Comparison,
+    Correction,
     Finding,
     ImageTrack,
     Motion,
@@ -50,6 +51,7 @@ def fake_results(
     sights = [_sight(true_poses[c], clocks[c], m, rate_hz, rng) for c in range(cameras) for m in motions]
     names = _shared_names(cameras)
     covariance = _covariance(len(names), rng)
+    biases = tuple(_bias(c, rng) for c in range(cameras))
     solution = Solution(
         method="map",
         status="converged",
@@ -62,7 +64,8 @@ def fake_results(
         poses=true_poses,
         motions=motions,
         sightings=_joined([s for s, _ in sights]),
-        biases=tuple(_bias(c, rng) for c in range(cameras)),
+        biases=biases,
+        corrections=tuple(c for b in biases for c in _corrections(b)),
         findings=(
             Finding(
                 kind="time-gauge",
@@ -232,6 +235,34 @@ def _bias(c: int, rng: np.random.Generator) -> Bias:
         position_m=rng.normal(0, 1.5, 3),
         position_sigma_m=rng.uniform(0.2, 0.9, 3),
     )
+
+
+def _corrections(bias: Bias) -> list[Correction]:
+    """Priors of half a degree and of 0.4 m, so that one shift lies beyond three of them."""
+    rows = [
+        (f"rotation_bias_{a}_rad", "attitude", bias.rotation_rad[i], np.radians(0.5), bias.rotation_sigma_rad[i])
+        for i, a in enumerate("xyz")
+    ]
+    rows += [
+        (f"position_bias_{a}_m", "position", bias.position_m[i], 0.4, bias.position_sigma_m[i])
+        for i, a in enumerate(("east", "north", "up"))
+    ]
+    rows.append(("van.place_x_px", "place", 0.31, 0.25, 0.2))
+    return [
+        Correction(
+            camera=bias.camera,
+            parameter=f"{bias.camera}.{name}",
+            block=block,
+            value=float(value),
+            prior_sigma=float(prior),
+            sigma=float(sigma),
+            in_sigmas=float(value / prior),
+            beyond=bool(abs(value / prior) > 3),
+            chi_square=12.5,
+            freedom=3,
+        )
+        for name, block, value, prior, sigma in rows
+    ]
 
 
 def _candidates(cameras: int) -> tuple[OffsetCandidate, ...]:
