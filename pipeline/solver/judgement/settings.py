@@ -21,6 +21,8 @@ class JudgementSettings:
     marked_sigmas    of one parameter's correction, in prior sigmas, from which on it is marked: 3 of 1000 go as far by
                      chance. A mark lowers no verdict, the block's chance does; 4 would mark 1 in 16,000
     alike            correlation of neighbouring pose errors below which nothing is said
+    unmoved_sigmas   how far the answer may move when a doubted track is left out, in its own claims, for the doubt to
+                     cost no more than "care"; twice as much lets flights pass whose error a slid track has doubled
     depth_share      sigma over depth from which on a symmetric sigma does not hold
     """
 
@@ -34,6 +36,7 @@ class JudgementSettings:
     sequence_bad: float = -12.0
     marked_sigmas: float = 3.0
     alike: float = 0.1
+    unmoved_sigmas: float = 1.0
     depth_share: float = 0.05
 
 

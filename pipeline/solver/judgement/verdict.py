@@ -17,12 +17,14 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError
 from pipeline.records import DepthRange, Finding, Grade, Landmark, Problem, Reason, Solution, Verdict, worst
+from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.against_known import known_reasons
 from pipeline.solver.judgement.changes import FREED
 from pipeline.solver.judgement.corrections import corrections
 from pipeline.solver.judgement.culprits import RESTORED, Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
+from pipeline.solver.judgement.influence import moved_sigmas
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
 from pipeline.solver.judgement.prior_tests import PriorTest, prior_tests
@@ -68,7 +70,7 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
             *_of_misfits(tests.misfits, settings),
         ]
         if any(reason.kind != "pose-errors-alike" for reason in doubts):  # of those no single change is the cause
-            doubts = _with_suspects(problem, found, tests, doubts)
+            doubts = _with_suspects(problem, found, solution, tests, doubts, settings)
         ground = 0.0 if problem.ground is None else problem.ground.sigma_m
         against = known_reasons(solution.landmarks, solution.ground, ground, settings)
         reasons = [*against, *doubts, *reasons, *_depths(depths)]
@@ -170,13 +172,24 @@ def _of_misfits(found: Misfits, settings: JudgementSettings) -> list[Reason]:
 # --- culprits ------------------------------------------------------------------------------------------------------
 
 
-def _with_suspects(problem: Problem, found: Outcome, tests: Tests, doubts: list[Reason]) -> list[Reason]:
+def _with_suspects(
+    problem: Problem, found: Outcome, solution: Solution, tests: Tests, doubts: list[Reason],
+    settings: JudgementSettings,
+) -> list[Reason]:  # fmt: skip
     """The likeliest culprits, then the doubts; what a culprit already says is not said twice."""
     searched = search_culprits(problem, found.model, found.state, tests.misfits, tests.sequences, _other_clocks(found))
-    grade = worst(tuple(r.grade for r in doubts))
     best = _distinct(searched)
+    moved = _moved(searched.base, best[0], solution) if best else float("inf")
+    stands = moved <= settings.unmoved_sigmas
+    if stands:
+        doubts = [_lightened(r) for r in doubts]
+    grade = worst(tuple(r.grade for r in doubts))
     jumping = {e.change.camera for e in best if e.change.kind == "step"}
-    named: list[tuple[float, Reason]] = [(e.net, _suspect(problem, e, tests, grade)) for e in best]
+    suspects = [_suspect(problem, e, tests, grade) for e in best]
+    if stands:
+        words = f"{suspects[0].words}. Without it the answer moves by {number(moved)} of its sigmas: it stands"
+        suspects[0] = replace(suspects[0], words=words)
+    named: list[tuple[float, Reason]] = [(e.net, reason) for e, reason in zip(best, suspects, strict=True)]
     named += [(r.figure, r) for r in doubts if r.kind.startswith("pose-") and r.subject not in jumping]
     first = [reason for _, reason in sorted(named, key=lambda pair: -pair[0])[:NAMED]]
     said = {(r.kind.removeprefix("suspect-"), r.subject) for r in first}
@@ -188,6 +201,18 @@ def _with_suspects(problem: Problem, found: Outcome, tests: Tests, doubts: list[
         and not (r.kind.startswith("pose-") and (r.subject in jumping or (best and best[0].z < RESTORED)))
     ]
     return [*first, *rest[:FURTHER], *_cut(searched)]
+
+
+def _moved(base: Fit, best: Explained, solution: Solution) -> float:
+    """How far the answer moves, in its own sigmas, where leaving out a track, or a part of one, restores the fit."""
+    track = best.change.kind in ("without-part", "without-track")
+    return moved_sigmas(base, best.fit, solution) if track and best.z < RESTORED else float("inf")
+
+
+def _lightened(reason: Reason) -> Reason:
+    """A misfit that a track explains which the answer does not rest on."""
+    fits = reason.kind == "unit-weight" or reason.kind.startswith("misfit-")
+    return replace(reason, grade="care") if fits and reason.grade == "bad" else reason
 
 
 def _cut(searched: Searched) -> list[Reason]:
