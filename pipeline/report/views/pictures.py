@@ -27,7 +27,7 @@ def pictures_section(results: Results) -> Html:
     outliers = [p for p in shown if p.kind == "outlier"]
     parts = [_key(), tag("h3", "Each target's first fix in each camera"), _gallery(_of_targets(results, first))]
     if outliers:
-        parts += [tag("h3", "Outliers"), _gallery(_group(_whose(results, p), [_shot(results, p)]) for p in outliers)]
+        parts += [tag("h3", "Outliers"), _gallery(_of_cameras(results, outliers))]
     if losses:
         parts += [tag("h3", "Lost, and found again"), _gallery(_loss(results, pair) for pair in losses)]
     return joined(*parts, *(note(words) for words in results.picture_notes))
@@ -64,6 +64,12 @@ def _of_targets(results: Results, first: Sequence[Picture]) -> list[Html]:
         if own:
             groups.append(_group(_name(results, name), own))
     return groups
+
+
+def _of_cameras(results: Results, shown: Sequence[Picture]) -> list[Html]:
+    """A camera's outliers together, the largest first."""
+    cameras = dict.fromkeys(p.camera for p in shown)
+    return [_group(tag("span", c), [_shot(results, p) for p in shown if p.camera == c]) for c in cameras]
 
 
 def _name(results: Results, target: str) -> Html:
@@ -106,7 +112,7 @@ def _shot(results: Results, of: Picture) -> Html:
         "svg", tag("title", words), image, tag("g", *_marks(of, scale), class_=tone), role="img", class_="shot",
         viewBox=f"0 0 {number(width * scale)} {number(height * scale)}",
     )  # fmt: skip
-    return tag("figure", drawing, tag("figcaption", *_caption(of)), class_="cut")
+    return tag("figure", drawing, tag("figcaption", *_caption(results, of)), class_="cut")
 
 
 def _kind(of: Picture) -> str:
@@ -118,8 +124,9 @@ def _kind(of: Picture) -> str:
     }[of.kind]
 
 
-def _caption(of: Picture) -> list[Html]:
-    title = {"first": of.camera, "outlier": "", "lost": "last fix", "found": "found again"}[of.kind]
+def _caption(results: Results, of: Picture) -> list[Html]:
+    plain = {"first": of.camera, "lost": "last fix", "found": "found again"}
+    title: str = _name(results, of.target) if of.kind == "outlier" else plain[of.kind]
     moment = f"frame {whole(of.frame)}"
     time: list[Html] = []
     if math.isfinite(of.time_s):
@@ -127,9 +134,7 @@ def _caption(of: Picture) -> list[Html]:
             joined(", "),
             tag("button", f"{fixed(of.time_s, 2)}\u00a0s", type="button", data_moment=f"{of.time_s:.4f}"),
         ]
-    head = [tag("span", title, class_="what")] if title else []
-    left = _residual(of)
-    return [*head, tag("span", moment, *time), *([tag("span", left)] if left else [])]
+    return [tag("span", title, class_="what"), tag("span", moment, *time), tag("span", _residual(of))]
 
 
 def _residual(of: Picture, lead: str = "") -> str:
