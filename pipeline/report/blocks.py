@@ -44,7 +44,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, caption: str, w
     """A table whose first column names its rows; the first `words` columns are text, the others figures."""
     top = tag("tr", *(tag("th", h, scope="col", class_=None if i < words else "n") for i, h in enumerate(head)))
     body = [tag("tr", tag("th", row[0], scope="row"), *_cells(head, row, words)) for row in rows]
-    wide = "cards" if len(head) > NARROW_COLUMNS else None
+    wide = ("cards named" if words > 1 else "cards") if len(head) > NARROW_COLUMNS else None
     whole = tag("table", tag("caption", tag("span", caption)), tag("thead", top), tag("tbody", *body), class_=wide)
     return tag("div", whole, class_="scroll", tabindex=0, role="region", aria_label=caption)
 

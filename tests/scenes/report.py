@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 from scipy.interpolate import make_lsq_spline
 
@@ -20,6 +21,7 @@ from pipeline.records import (
     ImageTrack,
     Motion,
     OffsetCandidate,
+    Picture,
     PoseTrack,
     Results,
     Sightings,
@@ -95,6 +97,7 @@ def fake_results(
         settings={"solve": {"method": "map", "robust": "huber", "rate_hz": 10}, "flight": {"reference_camera": "uav1"}},
         versions={"runningfix": "0.1.0", "numpy": "2.3.1", "opencv": "5.0.0"},
         warnings=("uav2.tlog: 3 packets fail their checksum and were left out.",),
+        pictures=tuple(p for _, t in sights for p in _pictures(t)),
         truth=_truth(trajectories, clocks, true_poses, rng),
         comparison=_comparison(motions, cameras),
     )
@@ -213,6 +216,47 @@ def _joined(parts: list[Sightings]) -> Sightings:
         target=tuple(t for s in parts for t in s.target),
         **{name: np.concatenate([getattr(s, name) for s in parts]) for name in arrays},
     )
+
+
+def _pictures(track: ImageTrack) -> list[Picture]:
+    """The first fix, an outlier of 12 px, the last fix before the loss and the first after it."""
+    seen, jpeg = np.flatnonzero(track.seen), picture_of_nothing()
+    back = int(np.flatnonzero(track.state == REACQUIRED)[0])
+    last = int(seen[seen < back][-1])
+    found = []
+    for kind, at, off in (
+        ("first", seen[0], 0.3),
+        ("outlier", seen[5], 12.0),
+        ("lost", last, 0.2),
+        ("found", back, 0.4),
+    ):
+        x, y = (float(v) for v in track.xy_px[at])
+        found.append(
+            Picture(
+                kind=kind,
+                camera=track.camera,
+                target=track.target,
+                frame=int(track.frame[at]),
+                time_s=float(track.time_s[at]),
+                jpeg=jpeg,
+                size=(64, 64),
+                corner_px=(x - 32, y - 32),
+                zoom=1.0,
+                fix_px=(x, y),
+                predicted_px=(x - off, y),
+                box_px=(x - 8, y - 6, 16.0, 12.0) if kind == "first" else None,
+                residual_px=off,
+                residual_sigma=off / 0.4,
+                weight=0.083 if kind == "outlier" else 1.0,
+            )
+        )
+    return found
+
+
+def picture_of_nothing() -> bytes:
+    """A JPEG of a shaded square."""
+    shade = np.add.outer(np.arange(64), np.arange(64)).astype(np.uint8) + 40
+    return cv2.imencode(".jpg", shade)[1].tobytes()
 
 
 def _shared_names(cameras: int) -> tuple[str, ...]:
