@@ -15,6 +15,7 @@ class JudgementSettings:
     """Thresholds, as chances that a flight whose claims are true goes as far, all tests of a kind together.
 
     prior_care, prior_bad  chance (log10) of a block's correction; ten times smaller: a tenth of the false alarms
+    heights_care     chance (log10) of a camera's height against the others', the mistake that is made most
     fit_care, fit_bad      unit-weight and misfit z (a normal deviate); one more: a fifth to a tenth of the false alarms
     factor_care, factor_bad  variance factor below which a misfit is not spoken of, however sure: sigmas are guesses
     sequence_care, sequence_bad  chance (log10) of a camera's pose errors as a sequence
@@ -28,6 +29,7 @@ class JudgementSettings:
 
     prior_care: float = -4.0
     prior_bad: float = -9.0
+    heights_care: float = -3.0
     fit_care: float = 4.5
     fit_bad: float = 8.0
     factor_care: float = 1.15
