@@ -86,13 +86,14 @@ class SlideSettings:
                     more than the last tells no better
     telling_px, beside_sizes  size of a target below which standing still in doubt is enough, and the scene around it is
                     searched so far for what is there now, as parallax moves it by a part of its size
-    past_every_sizes, past_reach_sizes, past_reach_px, pasts  way over the ground between pictures that are kept
-                    for that, what they hold on each side, at least, how many (the first one among them); halved, slow targets are not told apart
+    past_every_sizes, past_reach_sizes, past_reach_px, pasts  way over the ground between pictures that are kept for
+                    that, what they hold on each side, at least, how many (the first among them); halved, slow targets
+                    are not told apart
     least_scene, least_target, margin, slow_margin  correlation with the scene, with the target, that proves it; by how
                     much it must beat the other where the track stands still, and where it has slowed down
     as_before       correlation with an earlier picture of a target that never left its place, above which it stood
                     there all the time; at 0.7 a tree beside it passes for it
-    seen_going_sizes  way over the ground after a long loss, as the target would have gone, that proves a small one
+    seen_going_px   way over the ground after a long loss, as the target would have gone, that proves a small one
     kept_sizes      how far from the course of a certain target places may lie that are kept where it is lost later
     inner, sampled, finest_px, reach_sizes  the compared part of the box, samples on a side, their least distance, and
                     how far off a thing may lie from where it was
@@ -125,7 +126,7 @@ class SlideSettings:
     margin: float = 0.05
     slow_margin: float = 0.15
     as_before: float = 0.85
-    seen_going_sizes: float = 0.5
+    seen_going_px: float = 6.0
     kept_sizes: float = 0.2
     inner: float = 0.85
     sampled: float = 20.0

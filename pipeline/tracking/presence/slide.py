@@ -180,9 +180,9 @@ def is_other(trail: Trail, scene: Scene, size_px: Floats, place_px: Floats, lost
     """
     told = scene_or_target(trail, scene, size_px, place_px)
     small = float(np.sqrt(size_px.prod())) < SLIDE.telling_px
-    anywhere = small and lost_s > SLIDE.sure_s - INSTANT_S
+    anywhere = small and lost_s > SLIDE.sure_s - INSTANT_S and way_px < SLIDE.seen_going_px
     if told is None:
-        return anywhere and way_px < SLIDE.seen_going_sizes * float(np.sqrt(size_px.prod()))
+        return anywhere
     return told[0] > told[1] + (-SLIDE.margin if anywhere else SLIDE.slow_margin)
 
 
