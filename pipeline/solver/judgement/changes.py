@@ -161,6 +161,7 @@ def _hiding(frames: Frames, hidden: Bools) -> Frames:
     return replace(
         frames, seen=shown, gain=frames.gain * shown[..., None, None],
         sigma_px=np.where(shown, frames.sigma_px, np.nan), place_gain=np.where(shown, frames.place_gain, 0.0),
+        by_readout=frames.by_readout * shown[..., None] if len(frames.by_readout) else frames.by_readout,
     )  # fmt: skip
 
 
@@ -179,18 +180,21 @@ def exchanged(model: Model, c: int, a: int, b: int, since: int | None) -> Change
     )  # fmt: skip
 
 
-def _exchanging(frames: Frames, rows: Bools, a: int, b: int) -> Frames:
+def _exchanging(frames: Frames, which: Bools, a: int, b: int) -> Frames:
     def turned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
         if len(values) == 0:
             return values
         out = values.copy()
-        out[rows, a], out[rows, b] = values[rows, b], values[rows, a]
+        out[which, a], out[which, b] = values[which, b], values[which, a]
         return out
+
+    rows = frames.rows
 
     return replace(
         frames, ray=turned(frames.ray), gain=turned(frames.gain), seen=turned(frames.seen),
         sigma_px=turned(frames.sigma_px), focal_effect=turned(frames.focal_effect),
-        place_gain=turned(frames.place_gain),
+        place_gain=turned(frames.place_gain), by_readout=turned(frames.by_readout),
+        rows=None if rows is None else replace(rows, fraction=turned(rows.fraction), turn=turned(rows.turn)),
     )  # fmt: skip
 
 

@@ -24,8 +24,8 @@ from calibration.foundation.errors import RunningFixError
 from pipeline.records import Problem
 from pipeline.solver.adjustment.compiled_descent import is_dense
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
-from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.renewal import renewing
 from pipeline.solver.judgement.changes import (
     CONVENTIONS,
     FREED,
@@ -42,7 +42,7 @@ from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
 from pipeline.solver.methods.initialisation import graduated
 from pipeline.solver.methods.intersection import intersect, intersect_weighted
 from pipeline.solver.observation.clocks import OFFSET, SCALE
-from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.observations import Frames, Rows
 
 FRAMES = 200
 """Frames of a camera that take part in the search; twice as many take twice the time."""
@@ -163,7 +163,13 @@ def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
         frames, **cut, first=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
         pose_rate=None if frames.pose_rate is None else frames.pose_rate[rows],
         focal_effect=frames.focal_effect[rows] if len(frames.focal_effect) else frames.focal_effect,
+        by_readout=frames.by_readout[rows] if len(frames.by_readout) else frames.by_readout,
+        rows=None if frames.rows is None else _chosen_rows(frames.rows, rows),
     )  # fmt: skip
+
+
+def _chosen_rows(rows: Rows, which: Ints) -> Rows:
+    return Rows(fraction=rows.fraction[which], rate=rows.rate[which], turn=rows.turn[which])
 
 
 def ordered(problem: Problem) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ from pipeline.records import (
 from pipeline.solver.adjustment.known_rows import known_square
 from pipeline.solver.adjustment.model import Model, State, pose_error, residuals_of, wander_square
 from pipeline.solver.methods.still_points import ground_fits, landmarks_of
-from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
+from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, READOUT, ROT, SCALE, START, common_time_s
 from pipeline.solver.observation.motion_basis import motion_of
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.uncertainty.covariance import Covariance, motion_band
@@ -33,7 +33,7 @@ from pipeline.solver.uncertainty.redundancy import redundancies
 
 NAMES = (
     "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
-    "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s",
+    "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s", "readout_s",
 )  # fmt: skip
 
 PLACE_NAMES = ("place_x_px", "place_x_drift_px", "place_y_px", "place_y_drift_px")
@@ -185,6 +185,8 @@ def _bias(problem: Problem, found: Outcome, c: int) -> Bias:
         focal_scale_sigma=scale * float(sigma[FOCAL]),
         start_s=float(state.camera[c, START]),
         start_sigma_s=float(sigma[START]),
+        readout_s=float(state.camera[c, READOUT]),
+        readout_sigma_s=float(sigma[READOUT]),
     )
 
 
