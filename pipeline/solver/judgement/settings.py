@@ -20,6 +20,10 @@ class JudgementSettings:
     sequence_care, sequence_bad  chance (log10) of a camera's pose errors as a sequence
     alike            correlation of neighbouring pose errors below which nothing is said
     depth_share      sigma over depth from which on a symmetric sigma does not hold
+    readout_care     chance (log10) of all cameras' readouts; ten times smaller: a tenth of the false alarms
+    readout_named    sigmas from which on a camera is then named
+    readout_least_s  readout below which nothing is said: at 20 degrees/s its last row is off by 0.02 degrees
+    readout_moves    sigmas by which it would move a motion, from which on that asks for care
     """
 
     prior_care: float = -4.0
@@ -32,6 +36,10 @@ class JudgementSettings:
     sequence_bad: float = -12.0
     alike: float = 0.1
     depth_share: float = 0.05
+    readout_care: float = -4.5
+    readout_named: float = 3.0
+    readout_least_s: float = 0.002
+    readout_moves: float = 0.5
 
 
 SETTINGS = JudgementSettings()

@@ -3,6 +3,7 @@
 prior tests     what the adjustment took from each prior
 misfit          residuals against their own redundancy: of all, of cameras, targets, tracks
 pose sequences  steps, drift, likeness of frames' own errors
+shutters        whether rows ask for a readout that was not given
 culprits        only where one of these is doubtful: the change that would restore the fit
 the rest        convergence, ambiguous offsets, outliers, depths whose sigma is not symmetric
 """
@@ -25,6 +26,7 @@ from pipeline.solver.judgement.depth import depth_ranges
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
 from pipeline.solver.judgement.prior_tests import PriorTest, prior_tests
+from pipeline.solver.judgement.rolling_shutter import shutter_reasons, shutter_tests
 from pipeline.solver.judgement.settings import SETTINGS, JudgementSettings
 from pipeline.solver.judgement.words import (
     Told,
@@ -68,8 +70,9 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         if any(reason.kind != "pose-errors-alike" for reason in doubts):  # of those no single change is the cause
             doubts = _with_suspects(problem, found, tests, doubts)
         ground = 0.0 if problem.ground is None else problem.ground.sigma_m
+        shutters = shutter_reasons(problem, shutter_tests(problem, found, solution), settings)
         against = known_reasons(solution.landmarks, solution.ground, ground, settings)
-        reasons = [*against, *doubts, *reasons, *_depths(depths)]
+        reasons = [*against, *doubts, *shutters, *reasons, *_depths(depths)]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths)
 

@@ -98,6 +98,20 @@ def correction_words(camera: str, what: str, correction: Floats, sigma: Floats, 
     return Told(words=words + prior.format(f"{number(one)} px"), advice=ADVICE["place"])
 
 
+def readout_words(camera: str, given_s: float, found_s: float, sigma_s: float, moves: float) -> Told:
+    """A readout that is not what was given."""
+    was = "none was given" if given_s == 0 else f"{1e3 * given_s:.1f} ms was given"
+    words = (
+        f"the rows of {camera} are exposed one after the other: its sightings fit a readout of {1e3 * found_s:.1f} ms "
+        f"(sigma {1e3 * sigma_s:.1f} ms), and {was}; with it a target would move by {number(moves)} of its sigmas"
+    )
+    return Told(
+        words=words,
+        advice=f"write readout_s = {found_s:.4f} for {camera}, the data sheet's if you have it, with "
+        f"sigma.readout_s = {max(3 * sigma_s, 0.002):.3f} to refine it",
+    )
+
+
 def mount_words(given_ypr_rad: tuple[float, float, float], turn_rad: Floats) -> str:
     """The mount that the pictures fit, and what it looks like; `turn_rad` is the camera's attitude correction."""
     yaw, pitch, roll = (np.array(angle) for angle in given_ypr_rad)

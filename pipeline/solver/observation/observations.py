@@ -28,7 +28,8 @@ class Rows:
 
     fraction  (F, N) where the sighting's row is, -1/2 first to 1/2 last; zero where unseen and without such a shutter
     rate      (F, 6) rotation vector (camera axes, of cam_from_enu) and velocity of the measured pose, per second
-    turn      (F, N, 3, 3) by which rays and gains stand turned: from the whole frame's instant to the row's
+    turn      (F, N, 3, 3) by which rays and gains stand turned, from the whole frame's instant to the row's; gains of
+              metric residuals are stretched by it as well
     """
 
     fraction: Floats

@@ -11,7 +11,8 @@ the lens' magnification M on both: gain S and S'd, after which
 
     gain S M y / (d . S M y) = gain M y' / (d . M y')
 
-is the residual of the row's own instant, exactly, where it is turned; derivatives by all but T are those of the frame's
+is the residual of the row's own instant, exactly, where it is turned (metric residuals, which have no depth below, are
+stretched as well); derivatives by all but T are those of the frame's
 instant, which differ by the share that anything changes during a readout. They are turned anew at every step. The
 derivative by T itself is worked out here:
 
@@ -112,16 +113,19 @@ def turned(
     magnified = np.ones((*factor.shape, 3))
     magnified[..., :2] = factor[..., None]
     turn = smallest_turn(whole * magnified, by_row * magnified)
-    back = np.swapaxes(rows.turn, -1, -2)
-    gain, ray = frames.gain @ back, (rows.turn @ frames.ray[..., None])[..., 0]
+    size = np.cbrt(np.linalg.det(rows.turn))[..., None]
+    gain = frames.gain @ np.swapaxes(rows.turn, -1, -2) / size[..., None] ** 2
+    ray = (rows.turn @ frames.ray[..., None])[..., 0] / size
     by_readout = frames.by_readout
     if derive:
         growth = np.cross(spin, by_row) + (swept @ _in_camera(own, frames, speed + 2 * delay * bend)[..., None])[..., 0]
         seen = by_row * magnified
         by_readout = _derivative(frames.angular, gain, ray, seen, growth * magnified) * stretch[..., None]
+    ray = (np.swapaxes(turn, -1, -2) @ ray[..., None])[..., 0]
+    if not frames.angular:
+        turn = turn * longer(whole * magnified, by_row * magnified)[..., None, None]
     return replace(
-        frames, gain=gain @ turn, ray=(np.swapaxes(turn, -1, -2) @ ray[..., None])[..., 0],
-        rows=replace(rows, turn=turn), by_readout=by_readout,
+        frames, gain=gain @ turn, ray=ray, rows=replace(rows, turn=turn), by_readout=by_readout,
     )  # fmt: skip
 
 
@@ -138,6 +142,12 @@ def _derivative(angular: bool, gain: Floats, ray: Floats, y: Floats, growth: Flo
     depth = np.maximum(along, np.maximum(NEAREST_COSINE * np.linalg.norm(y, axis=-1), 1e-9))[..., None]
     residual = (gain @ y[..., None])[..., 0] / depth
     return np.asarray((flat - residual * (ray * growth).sum(-1)[..., None]) / depth)
+
+
+def longer(before: Floats, after: Floats) -> Floats:
+    """How many times as long one vector is as another; one where that is zero."""
+    length = np.linalg.norm(before, axis=-1)
+    return np.where(length > 0, np.linalg.norm(after, axis=-1) / np.where(length > 0, length, 1.0), 1.0)
 
 
 def smallest_turn(before: Floats, after: Floats) -> Floats:
