@@ -15,14 +15,17 @@ from pipeline.solver.observation.rolling_shutter import has_rows, turned
 def renewing(problem: Problem) -> Renew | None:
     """A function (model, state) -> the model with its data as they are at the state; None: nothing changes with it."""
     poses = renewing_poses(problem)
-    if not any(has_rows(camera) for camera in problem.cameras):
-        return poses
+    return rolling_too(poses) if any(has_rows(camera) for camera in problem.cameras) else poses
 
-    def renew(model: Model, state: State) -> Model:
-        moved = model if poses is None else poses(model, state)
+
+def rolling_too(renew: Renew | None) -> Renew:
+    """What `renew` does, and sightings at their rows' instants."""
+
+    def both(model: Model, state: State) -> Model:
+        moved = model if renew is None else renew(model, state)
         return replace(moved, frames=rolled(moved.frames, moved, state))
 
-    return renew
+    return both
 
 
 def rolled(frames: Frames, model: Model, state: State) -> Frames:

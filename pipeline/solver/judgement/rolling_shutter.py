@@ -22,18 +22,18 @@ from pipeline.solver.adjustment.assembly import linear
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.model import Model, State, residuals_of
 from pipeline.solver.adjustment.renewal import rolled
+from pipeline.solver.judgement.changes import READOUT_PRIOR_S
 from pipeline.solver.judgement.prior_tests import log10_chance, whitened_square
 from pipeline.solver.judgement.settings import JudgementSettings
 from pipeline.solver.judgement.words import readout_words
 from pipeline.solver.methods.results import Outcome
 from pipeline.solver.observation.clocks import OFFSET, READOUT, SCALE, START
-from pipeline.solver.observation.observations import Frames
-from pipeline.solver.observation.rolling_shutter import rows_of
+from pipeline.solver.observation.rolling_shutter import add_rows, with_row_numbers
 from pipeline.solver.uncertainty.clusters import clusters
 from pipeline.solver.uncertainty.covariance import Inverse, sandwich
 
-READOUT_PRIOR_S, CLOCK_PRIOR_S = 0.1, 0.5
-"""What stands for knowing nothing of a readout, and of a start or an offset; twice as much says the same."""
+CLOCK_PRIOR_S = 0.5
+"""What stands for knowing nothing of a start or an offset; twice as much says the same."""
 TIMES = 20
 """At which it is seen how far a motion would move."""
 
@@ -72,11 +72,7 @@ class ShutterTests:
 def shutter_tests(problem: Problem, found: Outcome, solution: Solution) -> ShutterTests:
     """The test of every camera whose readout is held."""
     model, state = found.model, found.state
-    tested = tuple(
-        c
-        for c, camera in enumerate(problem.cameras)
-        if camera.rays.row is not None and not model.priors.camera_free[c, READOUT]
-    )
+    tested = tuple(c for c in with_row_numbers(problem) if not model.priors.camera_free[c, READOUT])
     if not tested or not model.motion_free:
         return ShutterTests()
     freed = _freed(problem, model, state, tested)
@@ -113,7 +109,7 @@ def _positive(matrix: Floats) -> Floats:
 
 def _freed(problem: Problem, model: Model, state: State, cameras: tuple[int, ...]) -> Model:
     """The model with the readouts of some cameras free, and with clocks and starts that nothing holds."""
-    priors, frames = model.priors, _with_rows(problem, model.frames, cameras)
+    priors, frames = model.priors, add_rows(problem, model.frames, cameras)
     free, mean, precision = priors.camera_free.copy(), priors.camera_mean.copy(), priors.camera_precision.copy()
 
     def loosen(c: int, column: int, sigma_s: float) -> None:
@@ -133,17 +129,6 @@ def _freed(problem: Problem, model: Model, state: State, cameras: tuple[int, ...
     loosened = replace(priors, camera_free=free, camera_mean=mean, camera_precision=precision)
     changed = model.changed(frames=frames, priors=loosened)
     return replace(changed, frames=rolled(frames, changed, state))
-
-
-def _with_rows(problem: Problem, frames: Frames, cameras: tuple[int, ...]) -> Frames:
-    """The frames with the rows of some cameras beside those that they have."""
-    added = rows_of(problem, frames, cameras)
-    if frames.rows is None:
-        return replace(frames, rows=added)
-    own = np.isin(frames.camera, cameras)
-    fraction = np.where(own[:, None], added.fraction, frames.rows.fraction)
-    rate = np.where(own[:, None], added.rate, frames.rows.rate)
-    return replace(frames, rows=replace(frames.rows, fraction=fraction, rate=rate))
 
 
 def _moves(model: Model, solution: Solution, step: Floats) -> float:

@@ -35,9 +35,11 @@ from pipeline.solver.judgement.words import (
     misfit_words,
     mount_words,
     number,
+    readouts_words,
     sequence_words,
 )
 from pipeline.solver.methods.results import Outcome
+from pipeline.solver.observation.clocks import READOUT
 
 NAMED = 3
 """Suspects that are named."""
@@ -72,6 +74,8 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         ground = 0.0 if problem.ground is None else problem.ground.sigma_m
         shutters = shutter_reasons(problem, shutter_tests(problem, found, solution), settings)
         against = known_reasons(solution.landmarks, solution.ground, ground, settings)
+        if any(reason.kind == "rolling-shutter" for reason in doubts):
+            shutters = []
         reasons = [*against, *doubts, *shutters, *reasons, *_depths(depths)]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths)
@@ -217,7 +221,9 @@ def _distinct(searched: Searched) -> list[Explained]:
 
 def _suspect(problem: Problem, one: Explained, tests: Tests, grade: Grade) -> Reason:
     change, camera = one.change, next((c for c in problem.cameras if c.camera == one.change.camera), None)
-    if change.kind == "step":
+    if change.kind == "readout":
+        told, kind, subject = _readout_told(one), "rolling-shutter", ""
+    elif change.kind == "step":
         told = _step_told(one)
         kind, subject = f"suspect-{change.what}-step", change.camera
     elif change.kind == "free" and camera is not None:
@@ -240,6 +246,13 @@ def _suspect(problem: Problem, one: Explained, tests: Tests, grade: Grade) -> Re
         words=f"{told.words}. That would take {number(one.gain)} off chi-square, and {ends}",
         measure="fall of chi-square beyond its expectation",
     )  # fmt: skip
+
+
+def _readout_told(one: Explained) -> Told:
+    """The words of readouts that nobody gave."""
+    free, found = one.fit.model.priors.camera_free[:, READOUT], one.fit.state.camera[:, READOUT]
+    names = one.fit.model.frames.cameras
+    return readouts_words({name: float(found[c]) for c, name in enumerate(names) if free[c]})
 
 
 def _step_told(one: Explained) -> Told:

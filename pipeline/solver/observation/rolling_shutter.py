@@ -76,6 +76,24 @@ def rows_of(problem: Problem, frames: Frames, cameras: tuple[int, ...]) -> Rows:
     return Rows(fraction=fraction, rate=rate, turn=np.broadcast_to(np.eye(3), (*frames.seen.shape, 3, 3)))
 
 
+def with_row_numbers(problem: Problem) -> tuple[int, ...]:
+    """Cameras of which it is known in which row each sighting is."""
+    return tuple(c for c, camera in enumerate(problem.cameras) if camera.rays.row is not None)
+
+
+def add_rows(problem: Problem, frames: Frames, cameras: tuple[int, ...]) -> Frames:
+    """The frames with the rows of some cameras beside those that they have; nothing is turned by them yet."""
+    added = rows_of(problem, frames, cameras)
+    if frames.rows is None:
+        return replace(frames, rows=added)
+    own = np.isin(frames.camera, cameras)[:, None]
+    fraction = np.where(own, added.fraction, frames.rows.fraction)
+    return replace(
+        frames,
+        rows=replace(frames.rows, fraction=fraction, rate=np.where(own, added.rate, frames.rows.rate)),
+    )
+
+
 def rate_now(frames: Frames, rows: Rows) -> Floats:
     """(F, 6) how the poses go on at the log times for which they hold now."""
     if np.abs(frames.pose_shift_s).max(initial=0.0) < SAME_S:
