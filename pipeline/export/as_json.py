@@ -17,7 +17,18 @@ from scipy.interpolate import BSpline
 
 from calibration.foundation.arrays import Floats
 from pipeline.export.text.cells import utc_texts
-from pipeline.records import Bias, Clock, DepthRange, Landmark, Motion, Redundancy, Results, Solution, Verdict
+from pipeline.records import (
+    Bias,
+    Clock,
+    Correction,
+    DepthRange,
+    Landmark,
+    Motion,
+    Redundancy,
+    Results,
+    Solution,
+    Verdict,
+)
 
 FORMAT = 1
 """Of solution.json; grows when a reader of the old one would be misled."""
@@ -104,6 +115,7 @@ def _document(results: Results) -> dict[str, Any]:
         "frame": _frame(results),
         "clocks": [_clock(c) for c in s.clocks],
         "biases": [_bias(b) for b in s.biases],
+        "corrections": [_correction(c) for c in s.corrections],
         "motions": [_motion(m, s, results.typical_sigma_m.get(m.target)) for m in s.motions],
         "depths": [_depth(d) for d in s.depths],
         **_known(s),
@@ -255,6 +267,22 @@ def _bias(bias: Bias) -> dict[str, Any]:
             if bias.readout_s or bias.readout_sigma_s
             else {}
         ),
+    }
+
+
+def _correction(of: Correction) -> dict[str, Any]:
+    """What the adjustment took from one prior; `block` with its chi-square and grade is what the verdict rests on."""
+    return {
+        "parameter": of.parameter,
+        "value": short(np.array(of.value), 12),
+        "prior_sigma": short(np.array(of.prior_sigma)),
+        "sigma": short(np.array(of.sigma)),
+        "in_prior_sigmas": short(np.array(of.in_sigmas)),
+        "beyond": of.beyond,
+        "block": of.block,
+        "chi_square": short(np.array(of.chi_square)),
+        "freedom": of.freedom,
+        "grade": of.grade,
     }
 
 

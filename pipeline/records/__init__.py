@@ -7,6 +7,7 @@ values are NaN, never zero. Nothing here reads a file, prints or computes more t
 from pipeline.records.ground import Ground, GroundAt, GroundHeights
 from pipeline.records.landmarks import GroundFit, Landmark
 from pipeline.records.motion import Motion, Trajectory
+from pipeline.records.pictures import Picture, PictureKind
 from pipeline.records.poses import InstrumentSigma, LogPaths, PoseTrack
 from pipeline.records.problem import CameraInput, Problem, SolverSettings, SurveyedPlace, TargetInput
 from pipeline.records.rays import SightRays
@@ -33,7 +34,7 @@ from pipeline.records.tracks import (
     TrackerName,
 )
 from pipeline.records.truth import Truth
-from pipeline.records.verdict import GRADES, DepthRange, Grade, Reason, Verdict, worst
+from pipeline.records.verdict import GRADES, Correction, DepthRange, Grade, Reason, Verdict, worst
 
 __all__ = [
     "GRADES",
@@ -47,6 +48,7 @@ __all__ = [
     "CameraInput",
     "Clock",
     "Comparison",
+    "Correction",
     "DepthRange",
     "Finding",
     "Grade",
@@ -60,6 +62,8 @@ __all__ = [
     "LogPaths",
     "Motion",
     "OffsetCandidate",
+    "Picture",
+    "PictureKind",
     "PoseTrack",
     "Problem",
     "Reason",

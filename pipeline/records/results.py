@@ -8,6 +8,7 @@ from typing import Any
 
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records.motion import Trajectory
+from pipeline.records.pictures import Picture
 from pipeline.records.poses import PoseTrack
 from pipeline.records.solution import Solution
 from pipeline.records.tracks import ImageTrack
@@ -45,6 +46,7 @@ class Results:
     versions        package -> version
     warnings        one sentence each
     typical_sigma_m median over the well known part of each trajectory of its 3D position's sigma, by target
+    pictures        moments of the videos, the most important first; picture_notes  why some or all are missing
     truth, comparison  where the truth is known
     """
 
@@ -61,5 +63,7 @@ class Results:
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     typical_sigma_m: Mapping[str, float] = field(default_factory=dict)
+    pictures: tuple[Picture, ...] = ()
+    picture_notes: tuple[str, ...] = ()
     truth: Truth | None = None
     comparison: tuple[Comparison, ...] = ()

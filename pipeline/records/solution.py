@@ -13,7 +13,7 @@ from calibration.foundation.arrays import Floats, Ints, frozen, settle
 from pipeline.records.landmarks import GroundFit, Landmark
 from pipeline.records.motion import Motion
 from pipeline.records.poses import PoseTrack
-from pipeline.records.verdict import DepthRange, Verdict
+from pipeline.records.verdict import Correction, DepthRange, Verdict
 
 SolveStatus = Literal["converged", "iteration-limit", "stalled"]
 
@@ -184,6 +184,7 @@ class Solution:
     motions_robust   the same motions with the sandwich covariance in place of the plain one
     expected_chi_square  what `chi_square` is on average if all claims are true: the true redundancy; NaN where unknown
     verdict          whether to use it, and what speaks against it
+    corrections      of every parameter of a camera that is free and has a prior; `map` only has priors
     landmarks        still points: surveyed, unknown, and check points
     ground           what the ground is off by, of targets on it
     depths           of targets whose distance is so unsure that a sigma would mislead
@@ -212,6 +213,7 @@ class Solution:
     redundancies: tuple[Redundancy, ...] = ()
     expected_chi_square: float = math.nan
     verdict: Verdict = field(default_factory=Verdict)
+    corrections: tuple[Correction, ...] = ()
     depths: tuple[DepthRange, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     ground: tuple[GroundFit, ...] = ()

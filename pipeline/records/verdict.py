@@ -41,6 +41,32 @@ class Verdict:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Correction:
+    """How far the adjustment moved one parameter of a camera from where its prior has it.
+
+    parameter    its name in `Solution.shared_names`, with the camera before it
+    block        what is judged as one: "attitude", "position", "focal", "offset", "frame-rate", "start" or "place"
+    value        estimate less prior mean: rad, m, s, Hz, px; a focal length's relative
+    prior_sigma, sigma   one standard deviation before, and after, the larger of plain and robust, in the same unit
+    in_sigmas    the correction in prior sigmas
+    beyond       whether that is further than the judgement lets pass unmarked
+    chi_square, freedom  of the block, with the grade that the judgement gives it
+    """
+
+    camera: str
+    parameter: str
+    block: str
+    value: float
+    prior_sigma: float
+    sigma: float
+    in_sigmas: float
+    beyond: bool = False
+    chi_square: float = math.nan
+    freedom: int = 0
+    grade: Grade = "good"
+
+
+@dataclass(frozen=True, kw_only=True)
 class DepthRange:
     """How far a target was, where that is so unsure that a symmetric sigma would mislead.
 

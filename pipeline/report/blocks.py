@@ -9,6 +9,9 @@ from pipeline.records import Results
 from pipeline.report.data import participants
 from pipeline.report.text.markup import Html, joined, tag
 
+NARROW_COLUMNS = 3
+"""A table of more is shown row by row where the screen is a phone's."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
@@ -40,13 +43,16 @@ def figure(*drawings: Html, caption: str = "", legend: str = "", wide: bool = Fa
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, caption: str, words: int = 1) -> Html:
     """A table whose first column names its rows; the first `words` columns are text, the others figures."""
     top = tag("tr", *(tag("th", h, scope="col", class_=None if i < words else "n") for i, h in enumerate(head)))
-    body = [tag("tr", tag("th", row[0], scope="row"), *_cells(row, words)) for row in rows]
-    whole = tag("table", tag("caption", tag("span", caption)), tag("thead", top), tag("tbody", *body))
+    body = [tag("tr", tag("th", row[0], scope="row"), *_cells(head, row, words)) for row in rows]
+    wide = ("cards named" if words > 1 else "cards") if len(head) > NARROW_COLUMNS else None
+    whole = tag("table", tag("caption", tag("span", caption)), tag("thead", top), tag("tbody", *body), class_=wide)
     return tag("div", whole, class_="scroll", tabindex=0, role="region", aria_label=caption)
 
 
-def _cells(row: Sequence[str], words: int) -> list[Html]:
-    return [tag("td", cell, class_=None if i < words else "n") for i, cell in enumerate(row[1:], start=1)]
+def _cells(head: Sequence[str], row: Sequence[str], words: int) -> list[Html]:
+    """Each knows its column's name: on a narrow screen a row becomes a card of names and values."""
+    cells = enumerate(zip(head[1:], row[1:], strict=True), start=1)
+    return [tag("td", cell, class_=None if i < words else "n", data_of=name) for i, (name, cell) in cells]
 
 
 def swatch(results: Results, target: str) -> Html:

@@ -49,6 +49,7 @@
         if (x >= +x0 && x <= +x1) setTime(+t0 + ((x - x0) / (x1 - x0)) * (t1 - t0));
       });
     }
+    for (const button of document.querySelectorAll("[data-moment]")) button.addEventListener("click", () => setTime(+button.dataset.moment));
     let playing = 0;
     play.addEventListener("click", () => {
       const stop = () => { cancelAnimationFrame(playing); playing = 0; play.textContent = "\u25b6"; play.setAttribute("aria-label", "Play"); };

@@ -13,6 +13,7 @@ from pipeline.report.views.correlation import correlations
 from pipeline.report.views.known import known_tables
 from pipeline.report.views.over_time import height_and_speed, uncertainty_figure
 from pipeline.report.views.overhead_map import map_figure
+from pipeline.report.views.pictures import pictures_missing, pictures_section
 from pipeline.report.views.provenance import provenance
 from pipeline.report.views.residuals import residual_figures
 from pipeline.report.views.space import space_section
@@ -51,6 +52,9 @@ def _sections(results: Results) -> list[Section]:
         Section(anchor="map", heading="Map", content=map_figure(results)),
         Section(anchor="space-view", heading="In 3D", content=space_section(results)),
         Section(anchor="targets", heading="Targets", content=targets_table(results)),
+        Section(
+            anchor="pictures", heading="Pictures from the videos", short="Pictures", content=pictures_section(results)
+        ),
         Section(anchor="known", heading="Landmarks and ground", short="Landmarks", content=known_tables(results)),
         Section(anchor="height", heading="Height and speed", short="Height", content=height_and_speed(results)),
         Section(
@@ -63,7 +67,7 @@ def _sections(results: Results) -> list[Section]:
         Section(anchor="residuals", heading="Image residuals", short="Residuals", content=residual_figures(results)),
         Section(anchor="timing", heading="Timing", content=timing(results)),
         Section(anchor="cameras", heading="Camera corrections", short="Corrections", content=orientation(results)),
-        Section(anchor="tracks", heading="Tracks", content=timeline_figure(results)),
+        Section(anchor="tracks", heading="Tracks", content=joined(timeline_figure(results), pictures_missing(results))),
         Section(anchor="correlations", heading="Correlations", content=correlations(results)),
         Section(
             anchor="provenance",

@@ -7,7 +7,7 @@ from pipeline.tracking.following.track import track_video
 from pipeline.tracking.records import VideoTimes, VideoTracks
 from pipeline.tracking.scene.turning import ImageTurning, image_turning
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.video.frames import video_head, video_times
+from pipeline.tracking.video.frames import indexed_times, video_head, video_times
 from pipeline.tracking.video.reader import FrameReader
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "VideoTracks",
     "contact_sheet",
     "image_turning",
+    "indexed_times",
     "overlay_frame",
     "overlay_frames",
     "propose_targets",

@@ -1,5 +1,6 @@
 """The ready flight of data/: board photos, videos and logs in; trajectories with true uncertainties out; bad input."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -68,6 +69,16 @@ def test_frame_poses_are_written_measured_and_refined(solved):
     poses = pd.read_csv(solved / "out" / "poses.csv")
     assert (poses.groupby("camera").frame.count() == 200).all()
     assert poses.filter(like="refined_").notna().all().all()
+
+
+def test_the_report_shows_every_first_fix_and_the_bridge(solved):
+    page = (solved / "out" / "report.html").read_text(encoding="utf-8")
+    shown = re.findall(r"<title>(\w+) in (uav\d), frame \d+: (its first fix|its last fix|the fix that found)", page)
+    first = [(target, camera) for target, camera, kind in shown if kind == "its first fix"]
+    assert sorted(first) == sorted((t, c) for t in ("car", "truck", "van", "pickup") for c in ("uav1", "uav2"))
+    assert {(t, c) for t, c, kind in shown if kind != "its first fix"} == {("van", "uav1"), ("van", "uav2")}
+    assert page.count("data:image/jpeg;base64,") == len(shown) + page.count("an outlier,")
+    assert len(page) < 2_000_000
 
 
 def test_the_scripts_over_the_python_api(solved, tmp_path):

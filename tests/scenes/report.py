@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 from scipy.interpolate import make_lsq_spline
 
@@ -15,10 +16,12 @@ from pipeline.records import (
     Bias,
     Clock,
     Comparison,
+    Correction,
     Finding,
     ImageTrack,
     Motion,
     OffsetCandidate,
+    Picture,
     PoseTrack,
     Results,
     Sightings,
@@ -50,6 +53,7 @@ def fake_results(
     sights = [_sight(true_poses[c], clocks[c], m, rate_hz, rng) for c in range(cameras) for m in motions]
     names = _shared_names(cameras)
     covariance = _covariance(len(names), rng)
+    biases = tuple(_bias(c, rng) for c in range(cameras))
     solution = Solution(
         method="map",
         status="converged",
@@ -62,7 +66,8 @@ def fake_results(
         poses=true_poses,
         motions=motions,
         sightings=_joined([s for s, _ in sights]),
-        biases=tuple(_bias(c, rng) for c in range(cameras)),
+        biases=biases,
+        corrections=tuple(c for b in biases for c in _corrections(b)),
         findings=(
             Finding(
                 kind="time-gauge",
@@ -92,6 +97,7 @@ def fake_results(
         settings={"solve": {"method": "map", "robust": "huber", "rate_hz": 10}, "flight": {"reference_camera": "uav1"}},
         versions={"runningfix": "0.1.0", "numpy": "2.3.1", "opencv": "5.0.0"},
         warnings=("uav2.tlog: 3 packets fail their checksum and were left out.",),
+        pictures=tuple(p for _, t in sights for p in _pictures(t)),
         truth=_truth(trajectories, clocks, true_poses, rng),
         comparison=_comparison(motions, cameras),
     )
@@ -212,6 +218,47 @@ def _joined(parts: list[Sightings]) -> Sightings:
     )
 
 
+def _pictures(track: ImageTrack) -> list[Picture]:
+    """The first fix, an outlier of 12 px, the last fix before the loss and the first after it."""
+    seen, jpeg = np.flatnonzero(track.seen), picture_of_nothing()
+    back = int(np.flatnonzero(track.state == REACQUIRED)[0])
+    last = int(seen[seen < back][-1])
+    found = []
+    for kind, at, off in (
+        ("first", seen[0], 0.3),
+        ("outlier", seen[5], 12.0),
+        ("lost", last, 0.2),
+        ("found", back, 0.4),
+    ):
+        x, y = (float(v) for v in track.xy_px[at])
+        found.append(
+            Picture(
+                kind=kind,
+                camera=track.camera,
+                target=track.target,
+                frame=int(track.frame[at]),
+                time_s=float(track.time_s[at]),
+                jpeg=jpeg,
+                size=(64, 64),
+                corner_px=(x - 32, y - 32),
+                zoom=1.0,
+                fix_px=(x, y),
+                predicted_px=(x - off, y),
+                box_px=(x - 8, y - 6, 16.0, 12.0) if kind == "first" else None,
+                residual_px=off,
+                residual_sigma=off / 0.4,
+                weight=0.083 if kind == "outlier" else 1.0,
+            )
+        )
+    return found
+
+
+def picture_of_nothing() -> bytes:
+    """A JPEG of a shaded square."""
+    shade = np.add.outer(np.arange(64), np.arange(64)).astype(np.uint8) + 40
+    return cv2.imencode(".jpg", shade)[1].tobytes()
+
+
 def _shared_names(cameras: int) -> tuple[str, ...]:
     clock = [f"uav{c + 1}.{what}" for c in range(1, cameras) for what in ("offset_s", "frame_rate")]
     pose = [f"uav{c + 1}.{what}_{axis}" for c in range(cameras) for what in ("rotation", "position") for axis in "xyz"]
@@ -232,6 +279,34 @@ def _bias(c: int, rng: np.random.Generator) -> Bias:
         position_m=rng.normal(0, 1.5, 3),
         position_sigma_m=rng.uniform(0.2, 0.9, 3),
     )
+
+
+def _corrections(bias: Bias) -> list[Correction]:
+    """Priors of half a degree and of 0.4 m, so that one shift lies beyond three of them."""
+    rows = [
+        (f"rotation_bias_{a}_rad", "attitude", bias.rotation_rad[i], np.radians(0.5), bias.rotation_sigma_rad[i])
+        for i, a in enumerate("xyz")
+    ]
+    rows += [
+        (f"position_bias_{a}_m", "position", bias.position_m[i], 0.4, bias.position_sigma_m[i])
+        for i, a in enumerate(("east", "north", "up"))
+    ]
+    rows.append(("van.place_x_px", "place", 0.31, 0.25, 0.2))
+    return [
+        Correction(
+            camera=bias.camera,
+            parameter=f"{bias.camera}.{name}",
+            block=block,
+            value=float(value),
+            prior_sigma=float(prior),
+            sigma=float(sigma),
+            in_sigmas=float(value / prior),
+            beyond=bool(abs(value / prior) > 3),
+            chi_square=12.5,
+            freedom=3,
+        )
+        for name, block, value, prior, sigma in rows
+    ]
 
 
 def _candidates(cameras: int) -> tuple[OffsetCandidate, ...]:

@@ -50,6 +50,7 @@ class PriorTest:
     """One block of one camera's parameters against its prior.
 
     what        "attitude", "position", "focal", "offset", "frame-rate", "start", "readout" or "place"
+    columns     (k,) of the camera's parameters
     correction  (k,) estimate less prior mean, in the adjustment's units; sigma (k,) of the prior
     statistic   chi-square with `freedom` degrees of freedom
     log10_p     chance of one at least as large, as a power of ten
@@ -57,6 +58,7 @@ class PriorTest:
 
     camera: str
     what: str
+    columns: Ints
     correction: Floats
     sigma: Floats
     statistic: float
@@ -100,8 +102,8 @@ def _tested(
         variance += (vector * np.maximum(value, 0)) @ vector.T
     statistic = whitened_square(correction / sigma, variance)
     return PriorTest(
-        camera=camera, what=what, correction=correction, sigma=sigma, statistic=statistic, freedom=len(own),
-        log10_p=log10_chance(statistic, len(own)),
+        camera=camera, what=what, columns=own, correction=correction, sigma=sigma, statistic=statistic,
+        freedom=len(own), log10_p=log10_chance(statistic, len(own)),
     )  # fmt: skip
 
 

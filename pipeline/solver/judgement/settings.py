@@ -18,6 +18,8 @@ class JudgementSettings:
     fit_care, fit_bad      unit-weight and misfit z (a normal deviate); one more: a fifth to a tenth of the false alarms
     factor_care, factor_bad  variance factor below which a misfit is not spoken of, however sure: sigmas are guesses
     sequence_care, sequence_bad  chance (log10) of a camera's pose errors as a sequence
+    marked_sigmas    of one parameter's correction, in prior sigmas, from which on it is marked: 3 of 1000 go as far by
+                     chance. A mark lowers no verdict, the block's chance does; 4 would mark 1 in 16,000
     alike            correlation of neighbouring pose errors below which nothing is said
     depth_share      sigma over depth from which on a symmetric sigma does not hold
     readout_care     chance (log10) of all cameras' readouts; ten times smaller: a tenth of the false alarms
@@ -34,6 +36,7 @@ class JudgementSettings:
     factor_bad: float = 3.0
     sequence_care: float = -4.0
     sequence_bad: float = -12.0
+    marked_sigmas: float = 3.0
     alike: float = 0.1
     depth_share: float = 0.05
     readout_care: float = -4.5

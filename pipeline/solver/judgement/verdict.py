@@ -10,7 +10,7 @@ the rest        convergence, ambiguous offsets, outliers, depths whose sigma is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from pipeline.records import DepthRange, Finding, Grade, Landmark, Problem, Reas
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.against_known import known_reasons
 from pipeline.solver.judgement.changes import FREED
+from pipeline.solver.judgement.corrections import corrections
 from pipeline.solver.judgement.culprits import RESTORED, Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
@@ -59,10 +60,11 @@ class Tests:
 def judged(problem: Problem, found: Outcome, solution: Solution, settings: JudgementSettings = SETTINGS) -> Solution:
     """The solution with its verdict, the chi-square it was to be expected to have, and the depths that are unsure."""
     reasons = [*_convergence(solution), *_offsets(solution), *_spoken(solution.findings)]
-    expected, depths = solution.expected_chi_square, solution.depths
+    expected, depths, taken = solution.expected_chi_square, solution.depths, solution.corrections
     if solution.method == "map" and found.plain is not None:
         tests = tested(found)
         expected = tests.misfits.whole.redundancy
+        taken = corrections(found, tests.priors, prior_grade(tests.priors, settings), settings)
         depths = depth_ranges(found.model, found.state, solution, settings.depth_share)
         doubts = [
             *_of_priors(problem, tests.priors, settings),
@@ -78,7 +80,7 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
             shutters = []
         reasons = [*against, *doubts, *shutters, *reasons, *_depths(depths)]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
-    return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths)
+    return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths, corrections=taken)
 
 
 def tested(found: Outcome) -> Tests:
@@ -99,12 +101,17 @@ def _graded(value: float, care: float, bad: float) -> Grade:
     return "bad" if value < bad else "care" if value < care else "good"
 
 
+def prior_grade(tests: Collection[PriorTest], settings: JudgementSettings) -> Callable[[PriorTest], Grade]:
+    """What the correction of one block says, of so many that were looked at."""
+    many = float(np.log10(max(len(tests), 1)))
+    return lambda t: _graded(t.log10_p + many, settings.prior_care, settings.prior_bad)
+
+
 def _of_priors(problem: Problem, tests: Iterable[PriorTest], settings: JudgementSettings) -> list[Reason]:
     tests, rates = tuple(tests), {c.camera: c.frame_rate for c in problem.cameras}
-    many = float(np.log10(max(len(tests), 1)))
-    out = []
+    grade_of, out = prior_grade(tests, settings), []
     for t in tests:
-        grade = _graded(t.log10_p + many, settings.prior_care, settings.prior_bad)
+        grade = grade_of(t)
         if grade == "good":
             continue
         told = correction_words(t.camera, t.what, t.correction, t.sigma, rates[t.camera])

@@ -113,7 +113,7 @@ def _redundancies(settings: SolverSettings, found: Outcome, square: Floats) -> t
     return redundancies(found.model, found.state, found.plain, square)
 
 
-def _sigma(found: Outcome, place: Ints) -> Floats:
+def parameter_sigma(found: Outcome, place: Ints) -> Floats:
     """Root of the larger of the plain and the robust variances; NaN where not determined, zero where held."""
     plain = _of_one(found.plain, place)
     return plain if found.robust is None else np.fmax(plain, _of_one(found.robust, place))
@@ -142,7 +142,7 @@ def _clock(problem: Problem, found: Outcome, c: int) -> Clock:
     model, state = found.model, found.state
     nominal = problem.cameras[c].frame_rate
     scale = 1 + state.camera[c, SCALE]
-    offset_sigma, scale_sigma = _sigma(found, model.order.camera[c, [OFFSET, SCALE]])
+    offset_sigma, scale_sigma = parameter_sigma(found, model.order.camera[c, [OFFSET, SCALE]])
     own = model.drift.of(c)
     drifts = own.stop > own.start
     return Clock(
@@ -154,7 +154,7 @@ def _clock(problem: Problem, found: Outcome, c: int) -> Clock:
         frame_rate_sigma=float(nominal / scale**2 * scale_sigma),
         deviation_frame=model.drift.knot_s[own] * nominal if drifts else None,
         deviation_s=state.deviation[own] if drifts else None,
-        deviation_sigma_s=_sigma(found, model.order.drift[own]) if drifts else None,
+        deviation_sigma_s=parameter_sigma(found, model.order.drift[own]) if drifts else None,
     )
 
 
@@ -173,7 +173,7 @@ def _poses(problem: Problem, model: Model, state: State, c: int) -> PoseTrack:
 
 def _bias(problem: Problem, found: Outcome, c: int) -> Bias:
     model, state = found.model, found.state
-    sigma = _sigma(found, model.order.camera[c])
+    sigma = parameter_sigma(found, model.order.camera[c])
     scale = float(np.exp(state.camera[c, FOCAL]))
     return Bias(
         camera=problem.cameras[c].camera,
@@ -242,12 +242,17 @@ def _degrees_of_freedom(model: Model, observations: int) -> int:
     return 2 * observations + priors - model.order.n_band - model.order.n_border - int((own > 0).sum())
 
 
+def parameter_names(model: Model) -> tuple[str, ...]:
+    """The name of each of a camera's parameters, without the camera."""
+    return (*NAMES, *(f"{t}.{word}" for t in model.frames.targets for word in PLACE_NAMES))
+
+
 def _shared(
     problem: Problem, model: Model, state: State, covariance: Covariance | None
 ) -> tuple[tuple[str, ...], Floats | None]:
     """Names of the cameras' free parameters and their covariance, frame rates in Hz and focal lengths as scales."""
     names, places, unit = [], [], []
-    order_names = (*NAMES, *(f"{t}.{word}" for t in model.frames.targets for word in PLACE_NAMES))
+    order_names = parameter_names(model)
     for c, camera in enumerate(problem.cameras):
         units = np.ones(len(order_names))
         units[SCALE] = -camera.frame_rate / (1 + state.camera[c, SCALE]) ** 2

@@ -23,7 +23,8 @@ class FrameSet:
     """Some frames of one camera, a slot per target; empty slots have weight zero.
 
     time_s (f,), present (f, n), centre_m (f, 3), ray (f, n, 3), across (f, n, 2, 3) two unit vectors across the ray,
-    axes (f, 3, 3), pixel_rad (f, n)
+    axes (f, 3, 3), pixel_rad (f, n); camera_ray and camera_across are ray and across in axes of the camera, by_tilt
+    (f, n, 2, 3) what a rotation in these axes does to an error along `across`
     """
 
     time_s: Floats
@@ -33,6 +34,9 @@ class FrameSet:
     across: Floats
     axes: Floats
     pixel_rad: Floats
+    camera_ray: Floats
+    camera_across: Floats
+    by_tilt: Floats
 
 
 def frames_of(view: View, targets: Sequence[str], most: int) -> FrameSet:
@@ -51,15 +55,11 @@ def frames_of(view: View, targets: Sequence[str], most: int) -> FrameSet:
         at = np.searchsorted(frames, track.frame[mine])
         time[at], centre[at], axes[at] = track.time_s[mine], track.centre_m[mine], track.axes[mine]
         present[at, k], pixel[at, k], ray[at, k] = 1.0, track.pixel_rad[mine], track.ray[mine]
+    beside = across(ray.reshape(-1, 3)).reshape(f, n, 2, 3)
     return FrameSet(
-        time_s=time,
-        present=present,
-        centre_m=centre,
-        ray=ray,
-        across=across(ray.reshape(-1, 3)).reshape(f, n, 2, 3),
-        axes=axes,
-        pixel_rad=pixel,
-    )
+        time_s=time, present=present, centre_m=centre, ray=ray, across=beside, axes=axes, pixel_rad=pixel,
+        camera_ray=ray @ axes, camera_across=beside @ axes[:, None], by_tilt=beside @ skew(ray) @ axes[:, None],
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,12 +79,13 @@ def whitening(view: View, frames: FrameSet, depth_m: Floats) -> Whitening:
     """Of frames whose targets are `depth_m` (f, n) away."""
     f, n = frames.present.shape
     there = np.repeat(frames.present, 2, axis=1)[..., None]
-    attitude_bias = (frames.across @ skew(frames.ray) @ frames.axes[:, None]).reshape(f, 2 * n, 3) * there
+    attitude_bias = frames.by_tilt.reshape(f, 2 * n, 3) * there
     position_bias = (frames.across / depth_m[..., None, None]).reshape(f, 2 * n, 3) * there
     own = np.where(there > 0, np.repeat(frames.pixel_rad, 2, axis=1)[..., None] ** 2, 1.0)
     plain = own * np.eye(2 * n) + view.attitude_noise_rad**2 * attitude_bias @ np.swapaxes(attitude_bias, 1, 2)
     whole = plain + view.position_noise_m**2 * position_bias @ np.swapaxes(position_bias, 1, 2)
-    _, wide = np.linalg.slogdet(whole)
+    factor = np.linalg.cholesky(whole)
+    inverse = np.linalg.inv(factor)
     _, narrow = np.linalg.slogdet(plain)
-    inverse = np.linalg.inv(np.linalg.cholesky(whole))
-    return Whitening(inverse=np.asarray(inverse, float), widening=0.5 * float((wide - narrow).sum()))
+    wide = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum()
+    return Whitening(inverse=np.asarray(inverse, float), widening=0.5 * float(wide - narrow.sum()))

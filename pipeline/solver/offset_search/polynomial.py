@@ -31,13 +31,31 @@ BATCH = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """Products of one camera's sightings of one target, of fixed geometry: what every clock's normal matrix is made of.
+
+    With A = T' over sigma (2 x 3), S = T' [d]x R over sigma (2 x 3) and the centre C:
+
+    part      of the target's sightings, this camera's
+    placed    (m, 13) A'A, A'A C and C'A'A C
+    coupled   (m, 12) A'S and S'A C, transposed as rows
+    turned    (m, 9) S'S
+    """
+
+    camera: int
+    part: slice
+    placed: Floats
+    coupled: Floats
+    turned: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
     """Sightings of one target, all cameras together, of fixed geometry.
 
     camera   (m,) place in the list of views
     time_s   (m,) video time
-    across   (m, 2, 3) T' over sigma
-    turned   (m, 2, 3) T' [d]x R over sigma: what a rotation in camera axes does
+    centre_m, ray  (3, m)
     """
 
     order: int
@@ -45,10 +63,9 @@ class Rows:
     time_s: Floats
     centre_m: Floats
     ray: Floats
-    across: Floats
-    turned: Floats
     sigma_rad: Floats
     position_noise_m: Floats
+    seen: tuple[Seen, ...]
 
 
 def stacked_rows(views: Sequence[View], target: str, order: int, most: int = 40) -> Rows:
@@ -56,21 +73,35 @@ def stacked_rows(views: Sequence[View], target: str, order: int, most: int = 40)
     parts: list[tuple[int, View, Track]] = [
         (i, v, thinned(v.tracks[target], 0.0, most)) for i, v in enumerate(views) if target in v.tracks
     ]
-    ray = np.concatenate([t.ray for _, _, t in parts])
-    axes = np.concatenate([t.axes for _, _, t in parts])
-    sigma = np.concatenate([np.hypot(t.pixel_rad, v.attitude_noise_rad) for _, v, t in parts])
-    across_ray = across(ray) / sigma[:, None, None]
+    ends = np.cumsum([len(t) for _, _, t in parts])
+    sigmas = [np.hypot(t.pixel_rad, v.attitude_noise_rad) for _, v, t in parts]
     return Rows(
         order=order,
         camera=np.concatenate([np.full(len(t), i) for i, _, t in parts]),
         time_s=np.concatenate([t.time_s for _, _, t in parts]),
-        centre_m=np.concatenate([t.centre_m for _, _, t in parts]),
-        ray=ray,
-        across=across_ray,
-        turned=across_ray @ skew(ray) @ axes,
-        sigma_rad=sigma,
+        centre_m=np.concatenate([t.centre_m for _, _, t in parts]).T.copy(),
+        ray=np.concatenate([t.ray for _, _, t in parts]).T.copy(),
+        sigma_rad=np.concatenate(sigmas),
         position_noise_m=np.concatenate([np.full(len(t), v.position_noise_m) for _, v, t in parts]),
+        seen=tuple(
+            _seen(i, slice(end - len(t), end), t, sigma)
+            for (i, _, t), end, sigma in zip(parts, ends, sigmas, strict=True)
+        ),
     )
+
+
+def _seen(camera: int, part: slice, track: Track, sigma: Floats) -> Seen:
+    a = across(track.ray) / sigma[:, None, None]
+    s = a @ skew(track.ray) @ track.axes
+    square, centre = np.swapaxes(a, 1, 2) @ a, track.centre_m[:, :, None]
+    there, m = square @ centre, len(track)
+    mixed = np.swapaxes(a, 1, 2) @ s
+    placed = [square.reshape(m, 9), there[..., 0], (there * centre).sum(1)]
+    coupled = [mixed.reshape(m, 9), (np.swapaxes(mixed, 1, 2) @ centre)[..., 0]]
+    return Seen(
+        camera=camera, part=part, placed=np.hstack(placed), coupled=np.hstack(coupled),
+        turned=(np.swapaxes(s, 1, 2) @ s).reshape(m, 9),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,10 +121,7 @@ def project_motion(views: Sequence[View], rows: Sequence[Rows], clocks: Floats, 
     low = np.min([t.min(axis=1) for t in times], axis=0)
     high = np.max([t.max(axis=1) for t in times], axis=0)
     epoch, scale = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-6)
-    powers = [
-        ((t - epoch[:, None]) / scale[:, None])[..., None] ** np.arange(r.order + 1)
-        for t, r in zip(times, rows, strict=True)
-    ]
+    powers = [_powers((t - epoch[:, None]) / scale[:, None], 2 * r.order) for t, r in zip(times, rows, strict=True)]
     ranges = [np.ones_like(t) for t in times]
     found = _solved(views, rows, powers, ranges, biased=False)
     for _ in range(passes - 1):
@@ -102,20 +130,29 @@ def project_motion(views: Sequence[View], rows: Sequence[Rows], clocks: Floats, 
     cost, coefficients, bias = found
     for r, p, a in zip(rows, powers, coefficients, strict=True):
         distance, behind = _ranges(r, p, a)
-        cost = cost + (4.5 * behind + 2 * np.log(_spread(r, distance))).sum(axis=1)
+        cost = cost + (4.5 * behind + np.log(_spread_square(r, distance))).sum(axis=1)
     return Projected(cost=cost, coefficients=coefficients, bias=bias, epoch_s=epoch, scale_s=scale)
+
+
+def _powers(u: Floats, highest: int) -> Floats:
+    """Powers 0 to `highest` (g, highest + 1, m) of scaled times u (g, m)."""
+    out = np.ones((len(u), highest + 1, u.shape[1]))
+    for k in range(highest):
+        np.multiply(out[:, k], u, out=out[:, k + 1])
+    return out
 
 
 def _ranges(rows: Rows, powers: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
     """Distances (g, m) from camera to target, and where the target would be behind the camera."""
-    away = powers @ coefficients - rows.centre_m
-    ahead = (away * rows.ray).sum(-1)
-    return np.maximum(np.linalg.norm(away, axis=-1), 0.1), ahead < 0
+    away = np.swapaxes(coefficients, 1, 2) @ powers[:, : rows.order + 1] - rows.centre_m
+    ahead = np.einsum("gxm,xm->gm", away, rows.ray)
+    return np.maximum(np.sqrt(np.einsum("gxm,gxm->gm", away, away)), 0.1), ahead < 0
 
 
-def _spread(rows: Rows, ranges: Floats) -> Floats:
-    """How much wider (g, m) a residual is for the error of the camera's position; a near target is worth little."""
-    return np.asarray(np.sqrt(1 + (rows.position_noise_m / (ranges * rows.sigma_rad)) ** 2))
+def _spread_square(rows: Rows, ranges: Floats) -> Floats:
+    """How much greater (g, m) a residual's variance is for the error of the camera's position; a near target is worth
+    little."""
+    return np.asarray(1 + (rows.position_noise_m / (ranges * rows.sigma_rad)) ** 2)
 
 
 def _solved(
@@ -127,11 +164,11 @@ def _solved(
     schur = np.zeros((g, size, size)) + np.diag(prior)
     right, square, kept = np.zeros((g, size)), np.zeros(g), []
     for r, phi, distance in zip(rows, powers, ranges, strict=True):
-        normal = _normal(r, phi, distance, size)
-        n = 3 * (r.order + 1)
-        motion = normal[:, :n, :n] + 1e-9 * np.trace(normal[:, :n, :n], axis1=1, axis2=2)[:, None, None] * np.eye(n) / n
-        reduced = solved(motion, normal[:, :n, n:])
-        rest = normal[:, n:, n:] - np.swapaxes(normal[:, :n, n:], 1, 2) @ reduced
+        motion, coupling, rest = _normal(r, phi, distance, size)
+        n = motion.shape[1]
+        motion += 1e-9 * np.trace(motion, axis1=1, axis2=2)[:, None, None] * np.eye(n) / n
+        reduced = solved(motion, coupling)
+        rest -= np.swapaxes(coupling, 1, 2) @ reduced
         schur += rest[:, :size, :size]
         right += rest[:, :size, size]
         square += rest[:, size, size]
@@ -145,22 +182,46 @@ def _solved(
     return np.asarray(cost), motions, np.asarray(bias)
 
 
-def _normal(rows: Rows, powers: Floats, ranges: Floats, size: int) -> Floats:
-    """Normal matrices (g, p, p) of [motion, biases, right-hand side] of one target."""
-    g, m, terms = powers.shape
-    spread = _spread(rows, ranges)
-    scaled = rows.across / (ranges * spread)[..., None, None]
-    design = np.zeros((g, m, 2, 3 * terms + size + 1))
-    for k in range(terms):
-        design[..., 3 * k : 3 * k + 3] = scaled * powers[:, :, k, None, None]
-    for c in np.unique(rows.camera):
-        mine = rows.camera == c
-        at = 3 * terms + 6 * c
-        design[:, mine, :, at : at + 3] = rows.turned[mine] / spread[:, mine, None, None]
-        design[:, mine, :, at + 3 : at + 6] = -scaled[:, mine]
-    design[..., -1] = (scaled @ rows.centre_m[:, :, None])[..., 0]
-    flat = design.reshape(g, 2 * m, -1)
-    return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
+def _normal(rows: Rows, powers: Floats, ranges: Floats, size: int) -> tuple[Floats, Floats, Floats]:
+    """Normal matrices of one target: motions (g, n, n), their coupling (g, n, size + 1) with biases and right-hand
+    side, and those of the latter (g, size + 1, size + 1).
+
+    Every block is a sum over sightings of a power of time, a weight, and a product that no clock changes, so that a
+    camera's share of all of them is three products of matrices:
+
+        sum of u^j A'A / r^2,   sum of u^j A'S / r,   sum of S'S        (each over the spread squared)
+    """
+    g, terms = len(powers), rows.order + 1
+    index = np.arange(terms)
+    spread = 1 / _spread_square(rows, ranges)
+    motion = np.zeros((g, terms, terms, 3, 3))
+    coupling, rest = np.zeros((g, terms, 3, size + 1)), np.zeros((g, size + 1, size + 1))
+    for one in rows.seen:
+        u, near, level = powers[:, :, one.part], 1 / ranges[:, one.part], spread[:, one.part]
+        placed = _summed(u, level * near**2, one.placed)
+        coupled = _summed(u[:, :terms], level * near, one.coupled)
+        square = placed[..., :9].reshape(g, -1, 3, 3)
+        motion += square[:, index[:, None] + index]
+        turn = slice(6 * one.camera, 6 * one.camera + 3)
+        shift = slice(6 * one.camera + 3, 6 * one.camera + 6)
+        coupling[..., turn] = coupled[..., :9].reshape(g, terms, 3, 3)
+        coupling[..., shift] = -square[:, :terms]
+        coupling[..., size] += placed[:, :terms, 9:12]
+        rest[:, turn, turn] = (level @ one.turned).reshape(g, 3, 3)
+        rest[:, turn, shift] = -np.swapaxes(coupling[:, 0, :, turn], 1, 2)
+        rest[:, shift, turn] = -coupling[:, 0, :, turn]
+        rest[:, shift, shift] = square[:, 0]
+        rest[:, turn, size] = rest[:, size, turn] = coupled[:, 0, 9:]
+        rest[:, shift, size] = rest[:, size, shift] = -placed[:, 0, 9:12]
+        rest[:, size, size] += placed[:, 0, 12]
+    whole = np.swapaxes(motion, 2, 3).reshape(g, 3 * terms, 3 * terms)
+    return whole, coupling.reshape(g, 3 * terms, size + 1), rest
+
+
+def _summed(powers: Floats, weight: Floats, products: Floats) -> Floats:
+    """Sums (g, j, p) of `products` (m, p) times powers of time (g, j, m) and weight (g, m): one product of matrices."""
+    g, j, m = powers.shape
+    return ((powers * weight[:, None]).reshape(g * j, m) @ products).reshape(g, j, -1)
 
 
 def sweep_polynomial(

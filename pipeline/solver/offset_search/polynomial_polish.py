@@ -8,17 +8,23 @@ The covariance of the residuals of one frame is exact to first order,
 
 so what a frame's own attitude and position errors do to all of its targets at once costs nothing extra, and the angles
 between targets count with the pixel's small sigma. Frames whose chi-square is far beyond their size are weighted down.
+
+A motion's unknowns act on a frame through its targets' positions alone, each times a power of time. So the products of
+residuals and derivatives are formed for positions, 9 + 3 n columns a frame, and summed times powers of time; every
+entry of the normal matrix is one of these sums.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.geometry.rotation import exp, matrix, skew
+from pipeline.geometry.rotation import exp, matrix
+from pipeline.solver.observation.symmetric import solved
 from pipeline.solver.offset_search.crossing import ClockPrior, Hypothesis, clock_scale_pull, prior_cost
 from pipeline.solver.offset_search.frame_sets import FrameSet, Whitening, frames_of, whitening
 from pipeline.solver.offset_search.polynomial import project_motion, stacked_rows
@@ -59,6 +65,15 @@ class _Setup:
     @property
     def size(self) -> int:
         return 8 * len(self.views) + sum(3 * (k + 1) for k in self.orders)
+
+    @cached_property
+    def unknowns(self) -> tuple[Ints, Ints]:
+        """Of a camera's unknowns, its own eight and every motion's: the column of `_design`, and the power of time."""
+        column, power = [np.arange(1, 9)], [np.zeros(8, np.int64)]
+        for n, order in enumerate(self.orders):
+            column.append(np.tile(9 + 3 * n + np.arange(3), order + 1))
+            power.append(np.repeat(np.arange(order + 1), 3))
+        return np.concatenate(column), np.concatenate(power)
 
 
 def polish_polynomial(
@@ -189,19 +204,20 @@ def _start(
 def _normal(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[Floats, Floats, float]:
     """Normal matrix, right-hand side and half chi-square, priors included."""
     normal, right, cost = _priors(setup, point)
+    column, power = setup.unknowns
     for i, frames in enumerate(setup.frames):
-        design = _design(setup, point, i, frames)
-        white = held[i].inverse @ design
+        white = held[i].inverse @ _design(setup, point, i, frames)
         square = (white[..., 0] ** 2).sum(1)
         size = 2 * frames.present.sum(1)
         limit = size + 6 * np.sqrt(2 * size) + 1e-9
         weight = np.minimum(1.0, limit / np.maximum(square, 1e-30))
         cost += 0.5 * float(np.where(square <= limit, square, limit * (1 + np.log(square / limit + 1e-30))).sum())
-        flat = (white * np.sqrt(weight)[:, None, None]).reshape(-1, white.shape[2])
+        products = np.swapaxes(white, 1, 2) @ white
+        powers = _powers(setup, point, i, frames, 2 * max(setup.orders)) * weight
+        sums = (powers @ products.reshape(len(products), -1)).reshape(-1, *products.shape[1:])
         columns = _columns(setup, i)
-        gram = flat.T @ flat
-        normal[np.ix_(columns, columns)] += gram[1:, 1:]
-        right[columns] -= gram[1:, 0]
+        normal[np.ix_(columns, columns)] += sums[power[:, None] + power, column[:, None], column]
+        right[columns] -= sums[power, column, 0]
     return normal, right, cost
 
 
@@ -221,46 +237,57 @@ def _columns(setup: _Setup, camera: int) -> Ints:
     return np.concatenate([8 * camera + np.arange(8), motions])
 
 
-def _sightings(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> tuple[Floats, Floats, Floats, Floats]:
-    """Vectors camera to target (f, n, 3), depths (f, n), turned rays (f, n, 3) and vectors across (f, n, 2, 3)."""
-    turn = np.swapaxes(frames.axes @ matrix(exp(point.attitude_bias[i])) @ np.swapaxes(frames.axes, 1, 2), 1, 2)
-    ray = frames.ray @ turn
-    place = np.stack([phi @ a for phi, a in zip(_powers(setup, point, i, frames), point.motion, strict=True)], axis=1)
-    away = place - (frames.centre_m + point.position_bias[i])[:, None]
-    return away, np.asarray((away * ray).sum(-1)), ray, frames.across @ turn[:, None]
+def _sightings(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> tuple[Floats, Floats]:
+    """Vectors camera to target (f, n, 3) in axes of the camera as turned by its bias, and depths (f, n)."""
+    powers = _powers(setup, point, i, frames, max(setup.orders))
+    place = (powers.T @ _stacked(setup, point)).reshape(len(frames.time_s), -1, 3)
+    away = (place - (frames.centre_m + point.position_bias[i])[:, None]) @ frames.axes
+    turned = away @ matrix(exp(point.attitude_bias[i]))
+    return turned, np.einsum("fnx,fnx->fn", turned, frames.camera_ray)
 
 
-def _powers(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> list[Floats]:
-    """Powers (f, K + 1) of scaled common time, per target."""
+def _stacked(setup: _Setup, point: _Point) -> Floats:
+    """Coefficients (K + 1, 3 n) of all motions, those of lower order filled up with zeros."""
+    out = np.zeros((max(setup.orders) + 1, len(setup.orders), 3))
+    for n, a in enumerate(point.motion):
+        out[: len(a), n] = a
+    return out.reshape(len(out), -1)
+
+
+def _powers(setup: _Setup, point: _Point, i: int, frames: FrameSet, highest: int) -> Floats:
+    """Powers 0 to `highest` (highest + 1, f) of scaled common time."""
     u = (point.clock[i, 1] * frames.time_s + point.clock[i, 0] - setup.epoch_s) / setup.scale_s
-    return [u[:, None] ** np.arange(k + 1) for k in setup.orders]
+    out = np.ones((highest + 1, len(u)))
+    for k in range(highest):
+        out[k + 1] = out[k] * u
+    return out
 
 
 def _design(setup: _Setup, point: _Point, i: int, frames: FrameSet) -> Floats:
-    """Residuals and Jacobian (f, 2 n, 1 + 8 + motions) of one camera's frames; zero where nothing was seen."""
+    """Residuals and derivatives (f, 2 n, 1 + 8 + 3 n) of one camera's frames: by its clock, its biases, and the
+    positions of the targets; zero where nothing was seen."""
     f, n = frames.present.shape
-    away, depth, ray, basis = _sightings(setup, point, i, frames)
+    turned, depth = _sightings(setup, point, i, frames)
     depth = np.maximum(depth, 1.0)
-    error = (basis @ away[..., None])[..., 0] / depth[..., None]
-    by_place = (basis - error[..., None] * ray[:, :, None]) / depth[..., None, None]
-    powers = _powers(setup, point, i, frames)
-    speed = np.stack([_speed(phi, a, setup.scale_s) for phi, a in zip(powers, point.motion, strict=True)], axis=1)
-    by_time = by_place @ speed[..., None]
-    lag = (frames.time_s - setup.middle_s[i])[:, None, None, None]
-    by_tilt = basis @ skew(ray) @ frames.axes[:, None]
-    design = np.zeros((f, n, 2, 9 + setup.size - 8 * len(setup.views)))
-    design[..., :9] = np.concatenate([error[..., None], by_time, by_time * lag, by_tilt, -by_place], axis=-1)
-    at = 9
-    for k, phi in enumerate(powers):
-        block = phi[:, None, :, None] * by_place[:, k, :, None, :]
-        design[:, k, :, at : at + 3 * phi.shape[1]] = block.reshape(f, 2, -1)
-        at += 3 * phi.shape[1]
-    return np.asarray((design * frames.present[..., None, None]).reshape(f, 2 * n, -1))
-
-
-def _speed(powers: Floats, motion: Floats, scale_s: float) -> Floats:
-    """Velocity (f, 3) of a target."""
-    return np.asarray((powers[:, :-1] * np.arange(1, len(motion))) @ motion[1:] / scale_s)
+    seen = frames.present / depth
+    error = (frames.camera_across @ turned[..., None])[..., 0] / depth[..., None]
+    to_camera = (frames.camera_across - error[..., None] * frames.camera_ray[:, :, None]) * seen[..., None, None]
+    turn = matrix(exp(point.attitude_bias[i])).T
+    by_place = ((to_camera.reshape(f, 2 * n, 3) @ turn) @ np.swapaxes(frames.axes, 1, 2)).reshape(f, n, 2, 3)
+    powers = _powers(setup, point, i, frames, max(setup.orders))
+    rates = powers[:-1].T * np.arange(1, len(powers))
+    speed = (rates @ _stacked(setup, point)[1:] / setup.scale_s).reshape(f, n, 3)
+    by_time = (by_place @ speed[..., None])[..., 0]
+    lag = (frames.time_s - setup.middle_s[i])[:, None, None]
+    design = np.zeros((f, n, 2, 9 + 3 * n))
+    design[..., 0] = error * frames.present[..., None]
+    design[..., 1] = by_time
+    design[..., 2] = by_time * lag
+    design[..., 3:6] = frames.by_tilt @ turn * frames.present[..., None, None]
+    design[..., 6:9] = -by_place
+    for k in range(n):
+        design[:, k, :, 9 + 3 * k : 12 + 3 * k] = by_place[:, k]
+    return design.reshape(f, 2 * n, -1)
 
 
 def _priors(setup: _Setup, point: _Point) -> tuple[Floats, Floats, float]:
@@ -291,7 +318,7 @@ def _step(normal: Floats, right: Floats, damping: float) -> Floats:
     diagonal = np.diagonal(normal)
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-300))
     scaled = normal * scale[:, None] * scale + damping * np.eye(len(normal))
-    return np.asarray(scale * np.linalg.lstsq(scaled, scale * right, rcond=1e-13)[0])
+    return np.asarray(scale * solved(scaled, (scale * right)[:, None])[:, 0])
 
 
 def _sigmas(normal: Floats) -> Floats:

@@ -15,8 +15,9 @@ motion, which is linear once time is known (variable projection), and gets far m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from calibration.foundation.errors import GeometryError
@@ -43,6 +44,9 @@ CLEAR = 4.6
 WIDEST_CLOCK_SCALE = 0.1
 FITS = 2.0
 """Chi-square per equation (median frame) up to which polynomials of a guessed order are taken to fit."""
+HOPELESS = 20.0
+"""Chi-square per equation of the best roughly polished guess from which on polynomials of a guessed order are given up:
+ten times what fits, so that no better polishing can make up for it."""
 SHORT_S = 60.0
 """Tracks up to this long are tried with polynomials where the order of a motion is not known."""
 WEAK_S = 0.08
@@ -55,10 +59,12 @@ ShareDone = Callable[[float], None]
 
 @dataclass(frozen=True, kw_only=True)
 class _Cost:
-    """One way to judge clocks: coarse guesses for a new camera, and the polishing of a whole hypothesis."""
+    """One way to judge clocks: coarse guesses for a new camera, and the polishing of a whole hypothesis; it is given up
+    where the best rough misfit is beyond `hopeless`."""
 
     sweep: Callable[[View, Sequence[SetCamera], ClockRange, int], tuple[ClockGuess, ...]]
     polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None], float], Hypothesis]
+    hopeless: float = math.inf
 
 
 def search_offsets(
@@ -78,9 +84,9 @@ def search_offsets(
     priors = {c.camera: _prior(c, settings, problem.reference_camera) for c in problem.cameras}
     rates = {c.camera: c.frame_rate for c in problem.cameras}
     costs = _costs(problem, seen)
-    for tried, cost in enumerate(costs):
+    for cost in costs:
         found = _search(seen, order, priors, cost, progress)
-        if found[0].misfit <= FITS or tried == len(costs) - 1:
+        if found and found[0].misfit <= FITS:
             break
     return tuple(_candidate(fit, rates, problem) for fit in found)
 
@@ -108,11 +114,13 @@ def _search(
     cost: _Cost,
     progress: ShareDone | None,
 ) -> list[Hypothesis]:
-    """Whole hypotheses by one way to judge them, best first."""
+    """Whole hypotheses by one way to judge them, best first; none where it is given up."""
     beam = [Hypothesis(clock={order[0]: (0.0, 1.0)}, cost=0.0)]
     others: list[tuple[str, Hypothesis]] = []
     for done, name in enumerate(order[1:], start=1):
         beam = _extended(seen, priors, beam, name, cost)
+        if not beam:
+            return []
         others += [(name, fit) for fit in (beam[1:] if name == order[-1] else beam[1:2])]
         beam = _worth_carrying(beam)
         if progress is not None:
@@ -133,7 +141,8 @@ def _costs(problem: Problem, seen: Mapping[str, View]) -> list[_Cost]:
         return [_polynomial_cost(known)]
     if max((v.span_s[1] - v.span_s[0] for v in seen.values() if v.tracks), default=0.0) > SHORT_S:
         return [CROSSING]
-    return [_polynomial_cost({**known, **dict.fromkeys(auto, k)}) for k in (2, 4)] + [CROSSING]
+    guessed = ({**known, **dict.fromkeys(auto, k)} for k in (2, 4))
+    return [replace(_polynomial_cost(orders), hopeless=HOPELESS) for orders in guessed] + [CROSSING]
 
 
 def _polynomial_cost(orders: Mapping[str, int]) -> _Cost:
@@ -216,7 +225,7 @@ def _extended(
     name: str,
     cost: _Cost,
 ) -> list[Hypothesis]:
-    """Every hypothesis with camera `name` added in every promising way, best first."""
+    """Every hypothesis with camera `name` added in every promising way, best first; none where the cost is given up."""
     prior = priors[name]
     assert prior is not None
     grown: list[Hypothesis] = []
@@ -228,6 +237,8 @@ def _extended(
     grown = [fit for fit in grown if _within(fit, name, prior.allowed, seen[name])]
     if not grown:
         raise _no_overlap(name, list(beam[0].clock), prior.allowed)
+    if min(fit.misfit for fit in grown) > cost.hopeless:
+        return []
     promising = _distinct(grown, seen)[:BEAM]
     polished = sorted((_polished(fit.clock, seen, priors, cost) for fit in promising), key=lambda f: f.cost)
     probes = _valley(polished[0], name, prior.allowed, seen)

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.capture import FrameIndex
 from calibration.foundation.errors import UsageError
 from pipeline.flight import CameraSettings, Flight
-from pipeline.tracking import VideoTimes, video_times
+from pipeline.tracking import VideoTimes, indexed_times
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,14 +34,22 @@ def video_clock(camera: CameraSettings) -> VideoClock | None:
     """The clock of a camera's video, or None where it has none."""
     if camera.video is None:
         return None
+    return scaled_clock(video_index(camera)[0], camera.frame_rate)
+
+
+def video_index(camera: CameraSettings) -> tuple[VideoTimes, FrameIndex]:
+    """The times of a camera's video as its container has them, and where each frame is found; read once in a run.
+
+    Raises InputFileError where there is no video.
+    """
+    assert camera.video is not None
     changed_ns = camera.video.stat().st_mtime_ns if camera.video.exists() else 0
-    return scaled_clock(_times(camera.video, camera.video_stream, changed_ns), camera.frame_rate)
+    return _indexed(camera.video, camera.video_stream, changed_ns)
 
 
 @lru_cache(maxsize=16)
-def _times(video: Path, stream: int | None, changed_ns: int) -> VideoTimes:
-    """The times of a video, read once in a run."""
-    return video_times(video, stream)
+def _indexed(video: Path, stream: int | None, changed_ns: int) -> tuple[VideoTimes, FrameIndex]:
+    return indexed_times(video, stream)
 
 
 def scaled_clock(times: VideoTimes, frame_rate: float | None) -> VideoClock:

@@ -13,6 +13,7 @@ from pipeline.records import Results, Solution, SolverSettings
 from pipeline.report import render_report
 from pipeline.solver import how_compiled, make_ready, solve
 from pipeline.stages.inputs.tracks import read_tracks, wanted
+from pipeline.stages.pictures.reading import with_pictures
 from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.build import build_problem
 from pipeline.stages.running.check import doubts_of
@@ -82,9 +83,11 @@ def solve_into(
         solution = solve(built.problem, chosen)
         progress("solve", 1, 1)
     clock.seconds["solver"] = solution.seconds
+    notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
+    results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
+    with clock.stage("pictures"):
+        results = with_pictures(flight, results, progress=progress)
     with clock.stage("write"):
-        notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
-        results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
         files = outputs(results, measured, solution)
         ledger.record("solve", key, files, warnings=results.warnings)
     return RunSummary(

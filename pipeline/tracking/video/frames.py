@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from calibration.foundation.arrays import Floats
-from calibration.foundation.capture import Capture, Shot, VideoHead, no_frames
+from calibration.foundation.capture import Capture, FrameIndex, Shot, VideoHead, no_frames
 from pipeline.tracking.records import VideoTimes
 from pipeline.tracking.video.interlace import is_woven, upper_field
 from pipeline.tracking.video.prefetch import prefetched
@@ -48,12 +48,18 @@ def video_times(path: Path, stream: int | None = None) -> VideoTimes:
 
     Raises InputFileError where there is no video or no frame in it.
     """
+    return indexed_times(path, stream)[0]
+
+
+def indexed_times(path: Path, stream: int | None = None) -> tuple[VideoTimes, FrameIndex]:
+    """`video_times` with the index that they come from, for who goes on to seek in the video."""
     capture = Capture(path, stream=stream)
     try:
-        head, stamp_s = capture.head(), capture.index().stamp_s
+        head, index = capture.head(), capture.index()
     finally:
         capture.close()
-    return VideoTimes(frame_time_s=from_first(stamp_s), frame_rate=head.frame_rate, image_size=head.image_size)
+    times = VideoTimes(frame_time_s=from_first(index.stamp_s), frame_rate=head.frame_rate, image_size=head.image_size)
+    return times, index
 
 
 def from_first(stamp_s: Floats) -> Floats:

@@ -80,6 +80,7 @@ const steps = {
   wheel: () => { canvas.focus(); canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: 120, cancelable: true })); },
   above: () => document.querySelector('[data-view="top"]').click(),
   targets: () => document.querySelector('[data-view="targets"]').click(),
+  picture: () => document.querySelector("[data-moment]").click(),
   hide: () => document.querySelector('[data-show="uncertainty"]').click(),
 };
 (async () => {
@@ -107,9 +108,9 @@ def test_slider_mouse_and_keys_move_the_page(report, tmp_path):
     page, console = browse(used, tmp_path / "profile", "--dump-dom")
     assert console == ""
     words = re.search(r'data-used="([^"]*)"', page)[1].split()
-    assert words[:7] == ["slider", "drag", "key", "wheel", "above", "targets", "hide"]
-    assert 3 < float(words[7]) < 5.5
-    assert words[8:] == ["true", "true"]
+    assert words[:8] == ["slider", "drag", "key", "wheel", "above", "targets", "picture", "hide"]
+    assert 3 < float(words[8]) < 5.5
+    assert words[9:] == ["true", "true"]
 
 
 @pytest.mark.parametrize("width", [1280, 400])
@@ -125,3 +126,27 @@ def test_dark_is_dark(report, tmp_path):
     shot = tmp_path / "shot.png"
     browse(report, tmp_path / "profile", f"--screenshot={shot}", "--window-size=800,600", "--force-dark-mode")
     assert np.median(cv2.imread(str(shot))) < 60
+
+
+WIDE = """
+<script>
+const over = [...document.body.querySelectorAll("*")].filter((e) => {
+  const box = e.getBoundingClientRect();
+  const inside = e.closest("nav, svg, .sr, thead, .scroll");
+  return box.width > 0 && !(inside && inside !== e) && box.right > document.documentElement.clientWidth + 0.5;
+});
+const rows = [...document.querySelectorAll(".scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1);
+document.documentElement.setAttribute("data-wide", document.documentElement.clientWidth);
+document.documentElement.setAttribute("data-over", [...over, ...rows].map((e) => e.tagName + e.className).join(" "));
+</script>
+"""
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_nothing_is_cut_off(report, tmp_path, width):
+    shown = tmp_path / "shown.html"
+    shown.write_text(report.read_text(encoding="utf-8").replace("</body>", WIDE + "</body>"))
+    page, console = browse(shown, tmp_path / "profile", "--dump-dom", f"--window-size={width},2000")
+    assert console == ""
+    assert int(re.search(r'data-wide="(\d+)"', page)[1]) <= max(width, 500)
+    assert re.search(r'data-over="([^"]*)"', page)[1] == ""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.geometry.geodesy import enu_from_geodetic
-from pipeline.records import Bias, Comparison, OffsetCandidate, Results
+from pipeline.records import Comparison, Correction, OffsetCandidate, Results
 from pipeline.report.views.cameras import orientation
 from pipeline.report.views.clocks import timing
 from pipeline.report.views.correlation import correlations
@@ -160,19 +160,47 @@ def test_candidates_are_ranked_by_how_much_worse_they_are(results):
     assert re.search(r"best 1.60 100.\d+ 0 2\. 9.00 110.\d+ 20.0 \(doubtful\)", words)
 
 
-def test_biases_are_in_degrees_with_their_sigma(results):
-    bias = Bias(
-        camera="uav1",
-        rotation_rad=np.radians([0.5, -0.25, 0.0]),
-        rotation_sigma_rad=np.radians([0.1, 0.04, 0.0]),
-        position_m=np.array([1.0, -2.0, 0.5]),
-        position_sigma_m=np.array([0.2, 0.4, 0.05]),
-    )
-    words = text(orientation(solved(results, biases=(bias,))))
-    assert (
-        "0.50 \u00b1 0.10 \u22120.25 \u00b1 0.04 held 1.00 \u00b1 0.20 \u22122.0 \u00b1 0.4 0.50 \u00b1 0.05 held"
-        in words
-    )
+def correction(**changes) -> Correction:
+    given = {
+        "camera": "uav1", "parameter": "uav1.rotation_bias_x_rad", "block": "attitude", "value": np.radians(-0.25),
+        "prior_sigma": np.radians(0.5), "sigma": np.radians(0.04), "in_sigmas": -0.5,
+    }  # fmt: skip
+    return Correction(**{**given, **changes})
+
+
+def test_corrections_stand_beside_their_priors_in_the_units_of_people(results):
+    focal = correction(
+        parameter="uav1.focal_scale", block="focal", value=0.0042, prior_sigma=0.001, sigma=0.0008, in_sigmas=4.19,
+        beyond=True,
+    )  # fmt: skip
+    markup = orientation(solved(results, corrections=(correction(), focal)))
+    words = re.sub("[\u2009\u00a0 ]+", " ", text(markup))
+    assert "attitude x (nods) \u22120.250\u00b0 \u00b1 0.500\u00b0 \u00b1 0.040\u00b0 \u22120.50" in words
+    assert "focal length 0.420 % \u00b1 0.100 % \u00b1 0.080 % beyond 3 sigmas: ! 4.19" in words
+    assert "1 of 2 parameters lie beyond 3 sigmas" in words
+    assert markup.count("pull beyond") == 2  # the dot, and its key
+
+
+def test_a_correction_is_drawn_where_its_prior_sigmas_say(results):
+    one = correction(in_sigmas=2.0, value=np.radians(1.0))
+    markup = orientation(solved(results, corrections=(one,)))
+    shades = [tuple(map(float, s)) for s in re.findall(r'<rect x="([\d.]+)" width="([\d.]+)"', markup)]
+    dot = float(re.search(r'<circle cx="([\d.]+)"', markup)[1])
+    two = next((x, w) for x, w in shades if w == sorted(w for _, w in shades)[1])
+    assert dot == pytest.approx(two[0] + two[1], abs=0.1)
+
+
+def test_places_are_folded_unless_they_are_far(results):
+    place = correction(parameter="uav1.van.place_x_px", block="place", value=0.9, prior_sigma=0.25, in_sigmas=3.6)
+    head = orientation(solved(results, corrections=(correction(), place))).partition("<details")[0]
+    assert "place across on van" not in text(head).partition("furthest")[2].partition(".")[2].replace("3.6", "")
+    far = dataclasses.replace(place, beyond=True)
+    head = orientation(solved(results, corrections=(correction(), far))).partition("<details")[0]
+    assert "uav1 place across on van" in text(head)
+
+
+def test_without_priors_nothing_was_taken_from_any(results):
+    assert "knows no priors" in text(orientation(solved(results, corrections=(), method="intersection")))
 
 
 def test_the_frame_by_frame_correction_has_the_bias_sign(results):

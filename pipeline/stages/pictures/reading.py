@@ -1,0 +1,172 @@
+"""The pictures themselves: each video is gone through once, from key frame to key frame where frames are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.capture import Capture, FrameIndex
+from calibration.foundation.errors import RunningFixError
+from calibration.foundation.progress import Progress, silent
+from pipeline.flight import CameraSettings, Flight
+from pipeline.records import Box, Picture, Results
+from pipeline.stages.inputs.frames import video_index
+from pipeline.stages.pictures.moments import Moment, moments
+from pipeline.stages.pictures.settings import SETTINGS, PictureSettings
+
+Pixels = npt.NDArray[np.uint8]
+NO_VIDEO = "No camera of this flight has its video here, so there are no pictures from it."
+
+
+def with_pictures(
+    flight: Flight, results: Results, *, progress: Progress = silent, settings: PictureSettings = SETTINGS
+) -> Results:
+    """The results with pictures from the videos, and with a sentence for each reason why some are missing."""
+    cameras = [c for c in flight.cameras if c.video is not None]
+    if not cameras:
+        return replace(results, picture_notes=(NO_VIDEO,))
+    boxes = drawn_boxes(flight)
+    wanted = moments(results, boxes, settings)
+    notes = [f"{c.name} has no video here." for c in flight.cameras if c.video is None]
+    left, taken = settings.decoded_px, []
+    for done, camera in enumerate(cameras):
+        progress("pictures", done, len(cameras))
+        own = [m for m in wanted if m.camera == camera.name]
+        try:
+            found, left, dropped = _of_video(camera, own, boxes, left, settings)
+        except RunningFixError as error:
+            notes.append(f"The video of {camera.name} could not be read again: {error.seen}.")
+            continue
+        taken += found
+        if dropped:
+            left_out = "1 moment" if dropped == 1 else f"{dropped} moments"
+            notes.append(f"Not shown of {camera.name}: {left_out} deep inside its video, too long to decode.")
+    progress("pictures", len(cameras), len(cameras))
+    kept = list(_within(taken, wanted, settings.most_bytes))
+    if len(kept) < len(taken):
+        out = len(taken) - len(kept)
+        notes.append(f"{out} further picture{' is' if out == 1 else 's are'} left out, to keep the page small.")
+    return replace(results, pictures=tuple(kept), picture_notes=tuple(notes))
+
+
+def drawn_boxes(flight: Flight) -> dict[tuple[str, str], tuple[Box, ...]]:
+    """The boxes that the flight file has, by camera and target or landmark."""
+    boxes = {(camera, t.name): tuple(b) for t in flight.targets for camera, b in t.labels.items()}
+    return boxes | {(camera, m.name): (box,) for m in flight.landmarks for camera, box in m.boxes.items()}
+
+
+def _within(taken: Iterable[Picture], wanted: Sequence[Moment], most_bytes: int) -> Iterator[Picture]:
+    """The pictures in the order in which they are wanted, as many as the page bears."""
+    order = {(m.kind, m.camera, m.target, m.frame): i for i, m in enumerate(wanted)}
+    total = 0
+    for picture in sorted(taken, key=lambda p: order[p.kind, p.camera, p.target, p.frame]):
+        total += len(picture.jpeg)
+        if total > most_bytes:
+            return
+        yield picture
+
+
+def _of_video(
+    camera: CameraSettings,
+    wanted: Sequence[Moment],
+    boxes: Mapping[tuple[str, str], tuple[Box, ...]],
+    most_px: float,
+    settings: PictureSettings,
+) -> tuple[list[Picture], float, int]:
+    """Pictures of one video, the pixels that may still be decoded, and how many moments that left out."""
+    assert camera.video is not None
+    times, index = video_index(camera)
+    area = float(times.image_size[0] * times.image_size[1])
+    chosen, cost = affordable([m.frame for m in wanted], index, int(most_px // area))
+    sought = [m for m, frame in ((m, m.frame) for m in wanted) if frame in chosen]
+    capture = Capture(camera.video, stream=camera.video_stream)
+    try:
+        shown = dict(_frames(capture, sorted(chosen), index))
+        pictures = [_cut(shown[m.frame], m, boxes, settings) for m in sought if m.frame in shown]
+    finally:
+        capture.close()
+    return pictures, most_px - cost * area, len(wanted) - len(sought)
+
+
+def affordable(frames: Sequence[int], index: FrameIndex, most: int) -> tuple[set[int], int]:
+    """Of `frames`, the most important first, those that cost no more than `most` decoded frames; and what they cost.
+
+    A frame costs all from its key frame on, unless a later one of them is taken already. The first costs nothing.
+    """
+    entry: Ints = index.entry if index.seekable else np.zeros_like(index.entry)
+    _, first, group = np.unique(entry, return_index=True, return_inverse=True)
+    reached: dict[int, int] = {}
+    chosen: set[int] = set()
+    spent = 0
+    for frame in frames:
+        if not 0 <= frame < len(entry):
+            continue
+        own = int(group[frame])
+        begin = reached.get(own, int(first[own]))
+        more = max(0, frame - begin)
+        if spent + more <= most:
+            spent += more
+            reached[own] = max(begin, frame)
+            chosen.add(frame)
+    return chosen, spent
+
+
+def _frames(capture: Capture, wanted: Sequence[int], index: FrameIndex) -> Iterator[tuple[int, Pixels]]:
+    """Number and pixels of the frames `wanted`, which increase; what does not decode is left out."""
+    waiting = list(wanted)
+    while waiting:
+        goal = waiting[0]
+        for shot in capture.shots_from(goal, index):
+            while waiting and waiting[0] < shot.number:
+                waiting.pop(0)
+            if waiting and shot.number == waiting[0]:
+                yield waiting.pop(0), capture.pixels(shot)
+            if not waiting or (index.seekable and index.entry[waiting[0]] > index.entry[goal]):
+                break
+        else:
+            return
+        if waiting and waiting[0] == goal:
+            waiting.pop(0)
+
+
+def _cut(
+    shown: Pixels, of: Moment, boxes: Mapping[tuple[str, str], tuple[Box, ...]], settings: PictureSettings
+) -> Picture:
+    """The cut-out of a moment; at the image's edge it is moved inwards."""
+    height, width = shown.shape[:2]
+    side = min(_side_px(of, boxes, settings), width, height)
+    middle = _middle(of)
+    left = int(np.clip(round(middle[0] - side / 2 + 0.5), 0, width - side))
+    top = int(np.clip(round(middle[1] - side / 2 + 0.5), 0, height - side))
+    part: Pixels = np.ascontiguousarray(shown[top : top + side, left : left + side])
+    out = min(side, settings.encoded_px)
+    if out < side:
+        part = np.asarray(cv2.resize(part, (out, out), interpolation=cv2.INTER_AREA), np.uint8)
+    good, jpeg = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, settings.quality])
+    assert good
+    box = None if of.box is None else (of.box.x - 0.5, of.box.y - 0.5, of.box.width, of.box.height)
+    return Picture(
+        kind=of.kind, camera=of.camera, target=of.target, frame=of.frame, time_s=of.time_s, jpeg=jpeg.tobytes(),
+        size=(out, out), corner_px=(left - 0.5, top - 0.5), zoom=out / side, fix_px=of.fix_px,
+        predicted_px=of.predicted_px, box_px=box, residual_px=of.residual_px, residual_sigma=of.residual_sigma,
+        weight=of.weight,
+    )  # fmt: skip
+
+
+def _side_px(of: Moment, boxes: Mapping[tuple[str, str], tuple[Box, ...]], settings: PictureSettings) -> int:
+    """Wide enough for the target and its surroundings, and for a residual."""
+    drawn = boxes.get((of.camera, of.target), ())
+    usual = settings.boxes_wide * max((max(b.width, b.height) for b in drawn), default=0.0) or settings.unknown_px
+    away = 2.5 * of.residual_px if np.isfinite(of.residual_px) else 0.0
+    return int(np.clip(round(max(usual, away)), settings.least_px, settings.most_px))
+
+
+def _middle(of: Moment) -> Floats:
+    """Between where the target was tracked and where the solution has it."""
+    both = np.array([of.fix_px, of.predicted_px])
+    return np.asarray(both[np.isfinite(both).all(axis=1)].mean(axis=0))
