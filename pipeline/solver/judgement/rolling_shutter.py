@@ -18,8 +18,16 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import Problem, Reason, Solution
-from pipeline.solver.adjustment.assembly import linear
+from pipeline.solver.adjustment.assembly import (
+    Linear,
+    blocks_at,
+    global_places,
+    linear,
+    local_from_global,
+    part_of,
+)
 from pipeline.solver.adjustment.banded_system import factorise
+from pipeline.solver.adjustment.elimination import block_normals
 from pipeline.solver.adjustment.model import Model, State, residuals_of
 from pipeline.solver.adjustment.renewal import rolled
 from pipeline.solver.judgement.changes import READOUT_PRIOR_S
@@ -30,10 +38,11 @@ from pipeline.solver.methods.results import Outcome
 from pipeline.solver.observation.clocks import OFFSET, READOUT, SCALE, START
 from pipeline.solver.observation.rolling_shutter import add_rows, with_row_numbers
 from pipeline.solver.uncertainty.clusters import clusters
-from pipeline.solver.uncertainty.covariance import Inverse, sandwich
 
 CLOCK_PRIOR_S = 0.5
 """What stands for knowing nothing of a start or an offset; twice as much says the same."""
+CHUNK_BLOCKS = 1024
+"""Blocks whose normal equations are held at once."""
 TIMES = 20
 """At which it is seen how far a motion would move."""
 
@@ -80,13 +89,13 @@ def shutter_tests(problem: Problem, found: Outcome, solution: Solution) -> Shutt
     factor = factorise(here.system)
     if factor is None:
         return ShutterTests()
-    plain = Inverse(factor=factor)
-    cluster = clusters(freed, state, residuals_of(freed.frames, slice(None), freed, state))
-    robust = sandwich(freed, state, plain, here.system, cluster)
     step = -factor.solve(here.system.gradient)
     place = freed.order.camera[list(tested), READOUT]
-    claimed, counted = (c.pairs(place[:, None], place[None, :]) for c in (plain, robust))
-    variance = claimed + _positive(counted - claimed)
+    unit = np.zeros((len(step), len(place)))
+    unit[place, np.arange(len(place))] = 1.0
+    pull = factor.solve(unit)
+    claimed = pull[place]
+    variance = claimed + _positive(counted(freed, state, here, pull) - claimed)
     sigma, given = np.sqrt(np.diag(variance)), state.camera[list(tested), READOUT]
     statistic = whitened_square(step[place] / sigma, variance / np.outer(sigma, sigma))
     cameras = tuple(
@@ -99,6 +108,27 @@ def shutter_tests(problem: Problem, found: Outcome, solution: Solution) -> Shutt
     return ShutterTests(
         cameras=cameras, log10_p=log10_chance(statistic, len(tested)), moves=_moves(freed, solution, step)
     )
+
+
+def counted(model: Model, state: State, here: Linear, pull: Floats) -> Floats:
+    """(k, k) covariance of pull' g, g the gradient (n + q,): clusters' gradients as they are, priors as they claim.
+
+    That is the cluster-robust covariance of a few unknowns, whose columns of the inverse are `pull` (n + q, k).
+    """
+    assert here.data is not None
+    cluster = clusters(model, state, residuals_of(model.frames, slice(None), model, state))
+    blocks, at = blocks_at(model, state, cluster)
+    from_data = pull.T @ here.data[0].times(pull)
+    out = pull.T @ here.system.times(pull) - from_data
+    each = np.zeros((int(cluster.max()) + 1, pull.shape[1]))
+    for low in range(0, len(blocks.camera), CHUNK_BLOCKS):
+        part, at_part = part_of(blocks, at, low, min(low + CHUNK_BLOCKS, len(blocks.camera)))
+        gradient = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False).gradient
+        chain = local_from_global(model, part, 0, len(part.camera))
+        places = global_places(model, part)
+        moved = np.where(places[..., None] >= 0, pull[places], 0.0)
+        np.add.at(each, part.cluster, ((gradient[:, None] @ chain) @ moved)[:, 0])
+    return np.asarray(out + each.T @ each)
 
 
 def _positive(matrix: Floats) -> Floats:
