@@ -13,26 +13,58 @@ import pytest
 from pipeline.cli.main import main
 from pipeline.demo.compare import true_position
 from pipeline.synthetic import read_truth
+from tests.scenes.followed import follow, told_in, unlike
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "flight"
+TUTORIAL = ROOT / "docs" / "tutorial.md"
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory):
-    """A copy of data/flight with both cameras calibrated by the command line."""
-    folder = tmp_path_factory.mktemp("data") / "flight"
-    shutil.copytree(DATA, folder)
-    for name in ("uav1", "uav2"):
-        board = ["--board", "9x6", "--square-mm", "25", "-o", str(folder / f"{name}.json"), "--quiet"]
-        assert main(["calibrate", str(folder / f"board-{name}"), *board]) == 0
-    return folder
+def followed(tmp_path_factory):
+    """The folder in which the tutorial's commands were followed to the letter, and what each printed."""
+    start = tmp_path_factory.mktemp("tutorial")
+    shutil.copytree(DATA, start / "data" / "flight", ignore=shutil.ignore_patterns("uav?.json", "out"))
+    return follow(told_in(TUTORIAL.read_text(encoding="utf-8")), start)
 
 
 @pytest.fixture(scope="module")
-def solved(flight):
-    assert main(["run", str(flight / "flight.toml"), "-o", str(flight / "out"), "--quiet"]) == 0
-    return flight
+def solved(followed):
+    """The ready flight, calibrated and run as the tutorial does it."""
+    return followed[0]
+
+
+@pytest.fixture(scope="module")
+def flight(solved):
+    return solved
+
+
+def test_the_tutorial_prints_what_it_says(followed):
+    _, printed = followed
+    assert len(printed) > 9
+    for command, told, got in printed:
+        assert unlike(told, got) == "", command
+
+
+def test_the_tutorial_shows_the_flight_file_as_it_is():
+    shown = re.search(r"```toml\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)[1]
+    for part in shown.split("\n# ...\n"):
+        assert part.strip() in (DATA / "flight.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("told", "got", "same"),
+    [
+        ("a  1.50 m\n...\nend", "a 1.51  m\nmore\nstill\nend", True),
+        ("a 1.50 m", "a 2.50 m", False),
+        ("a 1.50 m", "b 1.50 m", False),
+        ("0.008", "0.010", True),
+        ("first\n...\nend", "first\nend of it", False),
+        ("first", "first\nsecond", False),
+    ],
+)
+def test_what_counts_as_printed_alike(told, got, same):
+    assert (unlike(told, got) == "") == same
 
 
 def test_positions_are_within_their_sigmas(solved):
