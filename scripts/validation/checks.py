@@ -36,6 +36,12 @@ CHECKS = (
         needs="the extra terrain",
     ),
     Check(
+        name="landmarks",
+        module="check_landmarks",
+        minutes=15,
+        says="data/flight with surveyed landmarks, and check points on drawn flights: errors against claims",
+    ),
+    Check(
         name="rolling-shutter",
         module="check_rolling_shutter",
         minutes=25,

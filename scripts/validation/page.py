@@ -304,6 +304,18 @@ ROWS = (
         ),
     ),
     Row(
+        check="landmarks",
+        what="data/flight with one, three, five surveyed landmarks: position error over that without; error over sigma",
+        words=lambda f: "; ".join(
+            f"{n}: {f[f'over_without_{n}']:.2f}, {f[f'root_nees_{n}']:.2f}" for n in (1, 3, 5) if f"root_nees_{n}" in f
+        ),
+    ),
+    Row(
+        check="landmarks",
+        what="check points on drawn flights with three surveyed points: error over sigma",
+        words=lambda f: f"{f['check_error_over_sigma']:.2f} ({f['check_points']} points, {f['check_flights']} flights)",
+    ),
+    Row(
         check="rolling-shutter",
         what="cameras that swing at 20 degrees/s, readout 20 ms: error over that with a global shutter, readouts found",
         words=shutters,
