@@ -18,8 +18,7 @@ from pipeline.solver.adjustment.elimination import At, BlockNormals, block_norma
 from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
 from pipeline.solver.observation.clocks import FOCAL, common_time_s
-from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks, partition
-from pipeline.solver.observation.pose_wander import wander_penalty
+from pipeline.solver.observation.frame_blocks import Blocks, partition
 
 CHUNK_BLOCKS = 4096
 """Blocks whose normal equations are held at once; one of four targets with splines takes 28 kB."""
@@ -159,7 +158,7 @@ def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floa
 
 def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
     """All blocks' normal equations in the order of the unknowns, without priors; compiled where numba is installed."""
-    if not _kernels.AVAILABLE or blocks.local_from_camera.shape[1] > LOCAL_COLUMNS:
+    if not _kernels.AVAILABLE:
         return assemble_plain(model, blocks, normals)
     order, basis = model.order, model.basis
     band, border, corner, gradient = _assembly.assemble(
@@ -233,13 +232,12 @@ def _add_wander(model: Model, state: State, corner: Floats, gradient: Floats) ->
     """Adds the Gauss-Markov priors of wandering poses to the corner and the gradient in place; returns their cost."""
     wander, n, cost = model.wander, model.order.n_band, 0.0
     assert wander is not None
-    for c in range(len(model.frames.cameras)):
-        for axis in np.flatnonzero(wander.sigma[c] > 0) if wander.of(c).stop > wander.of(c).start else ():
-            matrix, place = wander_penalty(wander, c, int(axis)), model.order.wander[wander.of(c), axis]
-            value = state.wander[wander.of(c), axis]
-            corner[np.ix_(place - n, place - n)] += matrix
-            gradient[place] += matrix @ value
-            cost += 0.5 * float(value @ matrix @ value)
+    for c, axis, matrix in wander.penalties:
+        place, value = model.order.wander[wander.of(c), axis], state.wander[wander.of(c), axis]
+        pulled = matrix @ value
+        corner[place[:, None] - n, place - n] += matrix
+        gradient[place] += pulled
+        cost += 0.5 * float(value @ pulled)
     return cost
 
 

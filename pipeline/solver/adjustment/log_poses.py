@@ -5,8 +5,10 @@ time runs differently, it moves by
 
     shift = d start + s tau + deviation(tau)
 
-and with it the measured pose. Small moves are carried by the pose's rate of change over a second, which is also its
-derivative in the adjustment; larger ones read the log anew. The rate is that of a second because an attitude's noise is
+and with it the measured pose. The log is read at shifts that are multiples of `READ_S`, each once for all descents of a
+flight; from the nearest of them a pose is carried by its rate of change over a second, which is also its derivative in
+the adjustment. A frame stays with its reading until it is well past the middle to the next, so that a descent near that
+middle does not go to and fro. The rate is that of a second because an attitude's noise is
 new with every sample: the difference of two neighbouring ones would say more of the noise than of the flight, and every
 reading at another time would draw it again, under the feet of the descent.
 """
@@ -26,14 +28,14 @@ from pipeline.records import PoseTrack, Problem
 from pipeline.solver.adjustment._lanes import turn as rotated
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import SCALE, START, shift_from_given_s
-from pipeline.solver.observation.observations import Frames, with_poses_of
+from pipeline.solver.observation.observations import Frames
 
 STEP_S = 0.5
 """Half the time over which a rate of change is taken."""
 STILL_S = 1e-7
 """Shifts that change by less leave the poses as they are."""
-CARRIED_S = 0.1
-"""How far poses are carried before the log is read anew."""
+READ_S, CARRIED_S = 0.2, 0.15
+"""Distance of the shifts at which the log is read, and how far poses are carried before the nearest one is taken."""
 
 Renew = Callable[[Model, State], Model]
 
@@ -50,26 +52,48 @@ def renewing(problem: Problem) -> Renew | None:
     """A function (model, state) -> the model with its poses at the state's log times; None: no poses come from logs."""
     if all(camera.poses_at is None for camera in problem.cameras):
         return None
-    read: dict[tuple[int, tuple[int, ...]], tuple[Frames, Frames]] = {}
+    readings = _Readings(problem)
 
     def renew(model: Model, state: State) -> Model:
         cameras = movable(problem, model)
         if not cameras:
             return model
-        frames = model.frames
-        shift = shift_from_given_s(frames, model.drift, state.camera, state.deviation)
-        shift += state.camera[frames.camera, START]
-        if frames.pose_rate is not None:
-            return replace(model, frames=moved(problem, frames, shift, cameras))
-        key = id(frames.cam_from_enu), cameras  # the log is read once for all descents that begin at the same poses
-        if key not in read:
-            read[key] = frames, moved(problem, frames, shift, cameras)
-        return replace(model, frames=moved(problem, with_poses_of(frames, read[key][1]), shift, cameras))
+        shift = shift_from_given_s(model.frames, model.drift, state.camera, state.deviation)
+        shift += state.camera[model.frames.camera, START]
+        return replace(model, frames=_moved(readings, model.frames, shift, cameras))
 
     return renew
 
 
-def moved(problem: Problem, frames: Frames, shift_s: Floats, cameras: tuple[int, ...]) -> Frames:
+Reading = tuple[Floats, Floats, Floats]
+"""cam_from_enu (n, 3, 3), position (n, 3) and their rates (n, 6) of a camera's frames at one shift."""
+
+
+class _Readings:
+    """What the logs say of every camera's frames at multiples of `READ_S`, each read when it is first asked for."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._known: dict[tuple[int, int], Reading | None] = {}
+
+    def at(self, c: int, k: int) -> tuple[int, Reading]:
+        """The reading at `k` steps, or at the nearest towards zero that the log has: its steps and itself."""
+        while k and self._read(c, k) is None:
+            k -= 1 if k > 0 else -1
+        return k, self._read(c, k) or self._given(c)
+
+    def _given(self, c: int) -> Reading:
+        poses = self._problem.cameras[c].poses
+        turn = rotation.matrix(rotation.conjugate(poses.enu_from_cam))
+        return turn, poses.position_enu_m, np.zeros((len(turn), 6))
+
+    def _read(self, c: int, k: int) -> Reading | None:
+        if (c, k) not in self._known:
+            self._known[c, k] = _at(self._problem, c, k * READ_S)
+        return self._known[c, k]
+
+
+def _moved(readings: _Readings, frames: Frames, shift_s: Floats, cameras: tuple[int, ...]) -> Frames:
     """The frames with the poses of `cameras` at log times moved by `shift_s` (F,), and their rates of change."""
     rate = np.zeros((frames.count, 6)) if frames.pose_rate is None else frames.pose_rate
     turn, position, now, taken = frames.cam_from_enu, frames.position_m, frames.pose_shift_s, frames.pose_taken_s
@@ -82,15 +106,16 @@ def moved(problem: Problem, frames: Frames, shift_s: Floats, cameras: tuple[int,
         if not fresh:
             turn, position, rate, now, taken = (a.copy() for a in (turn, position, rate, now, taken))
             fresh = True
-        carried = known and bool(np.abs(shift_s[part] - taken[part]).max(initial=0.0) < CARRIED_S)
-        try:
-            if not carried:
-                turn[part], position[part], rate[part] = _at(problem, c, shift_s[part])
-                taken[part] = shift_s[part]
-        except RunningFixError:  # beyond the log's ends: go on as fast as at the last place that could be had
-            carried = True
-        if carried and frames.pose_rate is not None:
-            carry(rate[part], shift_s[part] - now[part], turn[part], position[part])
+        far = np.abs(shift_s[part] - taken[part]) > CARRIED_S if known else np.ones(part.stop - part.start, dtype=bool)
+        if far.any():
+            steps = np.round(shift_s[part] / READ_S).astype(np.int64)
+            for k in np.unique(steps[far]):
+                rows = np.flatnonzero(far & (steps == k))
+                there, (turns, positions, rates) = readings.at(c, int(k))
+                at = part.start + rows
+                turn[at], position[at], rate[at] = turns[rows], positions[rows], rates[rows]
+                taken[at] = now[at] = there * READ_S
+        carry(rate[part], shift_s[part] - now[part], turn[part], position[part])
         now[part] = shift_s[part]
     if not fresh and frames.pose_rate is not None:
         return frames
@@ -126,17 +151,22 @@ def carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None
         carry_plain(rate, seconds, turn, position)
 
 
-def _at(problem: Problem, c: int, shift_s: Floats) -> tuple[Floats, Floats, Floats]:
-    """cam_from_enu (n, 3, 3), position (n, 3) and their rates (n, 6) at moved log times."""
+def _at(problem: Problem, c: int, shift_s: float) -> Reading | None:
+    """Poses and rates of a camera's frames at log times moved by `shift_s`; None beyond the log's ends."""
     poses_at = problem.cameras[c].poses_at
     assert poses_at is not None
-    here = poses_at(shift_s)
+    shift = np.full(len(problem.cameras[c].poses.frame), shift_s)
+    try:
+        here = poses_at(shift)
+    except RunningFixError:
+        return None
+    rate = np.zeros((len(shift), 6))
     for ahead, behind in ((STEP_S, -STEP_S), (STEP_S, 0.0), (0.0, -STEP_S)):
         try:
-            rate = _rate(poses_at(shift_s + ahead), poses_at(shift_s + behind), ahead - behind)
+            rate = _rate(poses_at(shift + ahead), poses_at(shift + behind), ahead - behind)
             break
         except RunningFixError:
-            rate = np.zeros((len(shift_s), 6))
+            continue
     return rotation.matrix(rotation.conjugate(here.enu_from_cam)), here.position_enu_m, rate
 
 

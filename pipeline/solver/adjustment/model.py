@@ -12,7 +12,7 @@ from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, Drift, 
 from pipeline.solver.observation.known_motion import KnownMotion
 from pipeline.solver.observation.motion_basis import MotionBasis, jerk_rows
 from pipeline.solver.observation.observations import Frames
-from pipeline.solver.observation.pose_wander import PoseWander, wander_penalty
+from pipeline.solver.observation.pose_wander import PoseWander
 from pipeline.solver.observation.residuals import linearise, place_shift
 
 CHUNK_FRAMES = 16384
@@ -215,11 +215,9 @@ def wander_square(model: Model, state: State) -> float:
     if model.wander is None:
         return 0.0
     total = 0.0
-    for c in range(len(model.frames.cameras)):
-        own = model.wander.of(c)
-        for axis in np.flatnonzero(model.wander.sigma[c] > 0) if own.stop > own.start else ():
-            value = state.wander[own, axis]
-            total += float(value @ wander_penalty(model.wander, c, int(axis)) @ value)
+    for c, axis, matrix in model.wander.penalties:
+        value = state.wander[model.wander.of(c), axis]
+        total += float(value @ matrix @ value)
     return total
 
 

@@ -79,8 +79,10 @@ class Explained:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Searched:
-    """What was tried: the changes that restore anything, the best first; `cut`: more could have been tried."""
+    """What was tried on `base`, the flight as it stands: the changes that restore anything, the best first; `cut`: more
+    could have been tried."""
 
+    base: Fit
     found: tuple[Explained, ...]
     tried: int
     cut: bool
@@ -111,7 +113,7 @@ def search_culprits(
         if nearby is not None:
             found.append(nearby)
     worthy = sorted((e for e in found if e.net > 0), key=lambda e: -e.net)
-    return Searched(found=tuple(worthy), tried=tried, cut=cut)
+    return Searched(base=base, found=tuple(worthy), tried=tried, cut=cut)
 
 
 def _explained(

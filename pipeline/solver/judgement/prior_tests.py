@@ -81,6 +81,48 @@ def prior_tests(model: Model, state: State, plain: Covariance, robust: Covarianc
     return tuple(sorted(found, key=lambda t: t.log10_p))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeightTest:
+    """A camera's height against the others': what all have in common no sighting sees, nor a test of one camera.
+
+    others        against whose mean height it is held
+    difference_m  how much more it was moved up than they; sigma_m what the priors allow
+    log10_p       chance of as much either way, as a power of ten
+    """
+
+    camera: str
+    others: tuple[str, ...]
+    difference_m: float
+    sigma_m: float
+    z: float
+    log10_p: float
+
+
+def height_tests(model: Model, state: State, plain: Covariance, robust: Covariance | None) -> tuple[HeightTest, ...]:
+    """Every camera against the others, of two cameras the second alone, the most unlikely first."""
+    up, cameras, priors = POS.stop - 1, model.frames.cameras, model.priors
+    if not (priors.camera_free[:, up] & (priors.camera_precision[:, up] > 0)).all() or len(cameras) < 2:
+        return ()
+    place, prior = model.order.camera[:, up], 1 / priors.camera_precision[:, up]
+    left = plain.pairs(place[:, None], place[None, :])
+    both = left if robust is None else robust.pairs(place[:, None], place[None, :])
+    correction, found = state.camera[:, up] - priors.camera_mean[:, up], []
+    for c in range(1 if len(cameras) == 2 else 0, len(cameras)):
+        weight = np.full(len(cameras), -1 / (len(cameras) - 1))
+        weight[c] = 1.0
+        allowed = float(weight**2 @ prior)
+        variance = allowed - float(weight @ left @ weight) + max(0.0, float(weight @ (both - left) @ weight))
+        z = float(weight @ correction) / float(np.sqrt(max(variance, FLOOR * allowed)))
+        others = tuple(name for k, name in enumerate(cameras) if k != c)
+        found.append(
+            HeightTest(
+                camera=cameras[c], others=others, difference_m=float(weight @ correction),
+                sigma_m=float(np.sqrt(allowed)), z=z, log10_p=log10_chance(z * z, 1),
+            )
+        )  # fmt: skip
+    return tuple(sorted(found, key=lambda t: t.log10_p))
+
+
 def _blocks(width: int) -> Sequence[tuple[str, list[int]]]:
     places = range(CAMERA_PARAMETERS, width, PLACE_PARAMETERS)
     return [*BLOCKS.items(), *(("place", [*range(k, k + PLACE_PARAMETERS)]) for k in places)]

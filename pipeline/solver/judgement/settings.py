@@ -15,17 +15,21 @@ class JudgementSettings:
     """Thresholds, as chances that a flight whose claims are true goes as far, all tests of a kind together.
 
     prior_care, prior_bad  chance (log10) of a block's correction; ten times smaller: a tenth of the false alarms
+    heights_care     chance (log10) of a camera's height against the others', the mistake that is made most
     fit_care, fit_bad      unit-weight and misfit z (a normal deviate); one more: a fifth to a tenth of the false alarms
     factor_care, factor_bad  variance factor below which a misfit is not spoken of, however sure: sigmas are guesses
     sequence_care, sequence_bad  chance (log10) of a camera's pose errors as a sequence
     marked_sigmas    of one parameter's correction, in prior sigmas, from which on it is marked: 3 of 1000 go as far by
                      chance. A mark lowers no verdict, the block's chance does; 4 would mark 1 in 16,000
     alike            correlation of neighbouring pose errors below which nothing is said
+    unmoved_sigmas   how far the answer may move when a doubted track is left out, in its own claims, for the doubt to
+                     cost no more than "care"; twice as much lets flights pass whose error a slid track has doubled
     depth_share      sigma over depth from which on a symmetric sigma does not hold
     """
 
     prior_care: float = -4.0
     prior_bad: float = -9.0
+    heights_care: float = -3.0
     fit_care: float = 4.5
     fit_bad: float = 8.0
     factor_care: float = 1.15
@@ -34,6 +38,7 @@ class JudgementSettings:
     sequence_bad: float = -12.0
     marked_sigmas: float = 3.0
     alike: float = 0.1
+    unmoved_sigmas: float = 1.0
     depth_share: float = 0.05
 
 

@@ -17,26 +17,31 @@ import numpy as np
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import GeometryError
 from pipeline.records import DepthRange, Finding, Grade, Landmark, Problem, Reason, Solution, Verdict, worst
+from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import residuals_of
 from pipeline.solver.judgement.against_known import known_reasons
 from pipeline.solver.judgement.changes import FREED
+from pipeline.solver.judgement.common_steps import common_steps
 from pipeline.solver.judgement.corrections import corrections
 from pipeline.solver.judgement.culprits import RESTORED, Clocks, Explained, Searched, search_culprits
 from pipeline.solver.judgement.depth import depth_ranges
+from pipeline.solver.judgement.influence import moved_sigmas
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
-from pipeline.solver.judgement.prior_tests import PriorTest, prior_tests
+from pipeline.solver.judgement.prior_tests import HeightTest, PriorTest, height_tests, prior_tests
 from pipeline.solver.judgement.settings import SETTINGS, JudgementSettings
 from pipeline.solver.judgement.words import (
     Told,
     change_words,
     correction_words,
+    height_words,
     misfit_words,
     mount_words,
     number,
     sequence_words,
 )
 from pipeline.solver.methods.results import Outcome
+from pipeline.solver.uncertainty.covariance import Inverse
 
 NAMED = 3
 """Suspects that are named."""
@@ -49,6 +54,7 @@ class Tests:
     """What was tested, each the most unlikely first."""
 
     priors: tuple[PriorTest, ...]
+    heights: tuple[HeightTest, ...]
     misfits: Misfits
     sequences: tuple[Sequence, ...]
 
@@ -64,11 +70,12 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         depths = depth_ranges(found.model, found.state, solution, settings.depth_share)
         doubts = [
             *_of_priors(problem, tests.priors, settings),
+            *_of_heights(tests.heights, settings),
             *_of_sequences(tests.sequences, settings),
             *_of_misfits(tests.misfits, settings),
         ]
         if any(reason.kind != "pose-errors-alike" for reason in doubts):  # of those no single change is the cause
-            doubts = _with_suspects(problem, found, tests, doubts)
+            doubts = _with_suspects(problem, found, solution, tests, doubts, settings)
         ground = 0.0 if problem.ground is None else problem.ground.sigma_m
         against = known_reasons(solution.landmarks, solution.ground, ground, settings)
         reasons = [*against, *doubts, *reasons, *_depths(depths)]
@@ -82,11 +89,20 @@ def tested(found: Outcome) -> Tests:
     model, state = found.model, found.state
     residual = residuals_of(model.frames, slice(None), model, state)
     square = (residual**2).sum(axis=-1) * model.frames.seen
+    steps = common_steps(model, state, found.plain.factor) if isinstance(found.plain, Inverse) else ()
     return Tests(
         priors=prior_tests(model, state, found.plain, found.robust),
+        heights=height_tests(model, state, found.plain, found.robust),
         misfits=misfits(model, state, found.plain, square),
-        sequences=pose_sequences(model, state),
+        sequences=_sequences(pose_sequences(model, state), steps),
     )
+
+
+def _sequences(own: tuple[Sequence, ...], common: tuple[Sequence, ...]) -> tuple[Sequence, ...]:
+    """What frames' own errors say and what all motions say together, of each camera's steps the more unlikely."""
+    best = {s.camera: s for s in sorted((*common, *(s for s in own if s.kind == "step")), key=lambda s: -s.log10_p)}
+    others = (s for s in own if s.kind != "step")
+    return tuple(sorted((*best.values(), *others), key=lambda s: s.log10_p))
 
 
 def _graded(value: float, care: float, bad: float) -> Grade:
@@ -112,6 +128,23 @@ def _of_priors(problem: Problem, tests: Iterable[PriorTest], settings: Judgement
             Reason(
                 kind=f"prior-{t.what}", subject=t.camera, words=told.words, advice=told.advice, grade=grade,
                 figure=t.statistic, measure=f"chi-square with {t.freedom} degrees of freedom",
+            )
+        )  # fmt: skip
+    return out
+
+
+def _of_heights(tests: Collection[HeightTest], settings: JudgementSettings) -> list[Reason]:
+    many = float(np.log10(max(len(tests), 1)))
+    out = []
+    for t in tests:
+        grade = _graded(t.log10_p + many, settings.heights_care, settings.prior_bad)
+        if grade == "good":
+            continue
+        told = height_words(t)
+        out.append(
+            Reason(
+                kind="prior-heights", subject=", ".join((t.camera, *t.others)) if len(tests) == 1 else t.camera,
+                words=told.words, advice=told.advice, grade=grade, figure=t.z, measure="normal deviate",
             )
         )  # fmt: skip
     return out
@@ -170,13 +203,24 @@ def _of_misfits(found: Misfits, settings: JudgementSettings) -> list[Reason]:
 # --- culprits ------------------------------------------------------------------------------------------------------
 
 
-def _with_suspects(problem: Problem, found: Outcome, tests: Tests, doubts: list[Reason]) -> list[Reason]:
+def _with_suspects(
+    problem: Problem, found: Outcome, solution: Solution, tests: Tests, doubts: list[Reason],
+    settings: JudgementSettings,
+) -> list[Reason]:  # fmt: skip
     """The likeliest culprits, then the doubts; what a culprit already says is not said twice."""
     searched = search_culprits(problem, found.model, found.state, tests.misfits, tests.sequences, _other_clocks(found))
-    grade = worst(tuple(r.grade for r in doubts))
     best = _distinct(searched)
+    moved = _moved(searched.base, best[0], solution) if best else float("inf")
+    stands = moved <= settings.unmoved_sigmas
+    if stands:
+        doubts = [_lightened(r) for r in doubts]
+    grade = worst(tuple(r.grade for r in doubts if not (stands and r.kind.startswith("pose-"))))
     jumping = {e.change.camera for e in best if e.change.kind == "step"}
-    named: list[tuple[float, Reason]] = [(e.net, _suspect(problem, e, tests, grade)) for e in best]
+    suspects = [_suspect(problem, e, tests, grade) for e in best]
+    if stands:
+        words = f"{suspects[0].words}. Without it the answer moves by {number(moved)} of its sigmas: it stands"
+        suspects[0] = replace(suspects[0], words=words)
+    named: list[tuple[float, Reason]] = [(e.net, reason) for e, reason in zip(best, suspects, strict=True)]
     named += [(r.figure, r) for r in doubts if r.kind.startswith("pose-") and r.subject not in jumping]
     first = [reason for _, reason in sorted(named, key=lambda pair: -pair[0])[:NAMED]]
     said = {(r.kind.removeprefix("suspect-"), r.subject) for r in first}
@@ -188,6 +232,18 @@ def _with_suspects(problem: Problem, found: Outcome, tests: Tests, doubts: list[
         and not (r.kind.startswith("pose-") and (r.subject in jumping or (best and best[0].z < RESTORED)))
     ]
     return [*first, *rest[:FURTHER], *_cut(searched)]
+
+
+def _moved(base: Fit, best: Explained, solution: Solution) -> float:
+    """How far the answer moves, in its own sigmas, where leaving out a track, or a part of one, restores the fit."""
+    track = best.change.kind in ("without-part", "without-track")
+    return moved_sigmas(base, best.fit, solution) if track and best.z < RESTORED else float("inf")
+
+
+def _lightened(reason: Reason) -> Reason:
+    """A misfit that a track explains which the answer does not rest on."""
+    fits = reason.kind == "unit-weight" or reason.kind.startswith("misfit-")
+    return replace(reason, grade="care") if fits and reason.grade == "bad" else reason
 
 
 def _cut(searched: Searched) -> list[Reason]:

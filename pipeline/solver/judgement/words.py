@@ -12,6 +12,7 @@ from pipeline.geometry import rotation
 from pipeline.solver.judgement.changes import Change
 from pipeline.solver.judgement.misfit import Misfit
 from pipeline.solver.judgement.pose_sequences import Sequence
+from pipeline.solver.judgement.prior_tests import HeightTest
 
 PARAMETERS = "attitude", "position", "focal", "offset", "frame-rate", "start", "place"
 UPRIGHT = 0.9
@@ -170,6 +171,19 @@ def sequence_words(one: Sequence) -> Told:
         words=f"the pose errors of {one.camera} are alike from frame to frame (correlation {one.correlation:.2f}), not "
         "new in every frame as claimed: the sigmas of positions are too small",
         advice="say how the errors move: sigma.attitude_tau_s and sigma.position_tau_s, with their sigmas",
+    )
+
+
+def height_words(one: HeightTest) -> Told:
+    """A camera's height against the others'."""
+    way = "higher" if one.difference_m > 0 else "lower"
+    others = " and ".join(one.others)
+    return Told(
+        words=f"the heights of {one.camera} and {others} contradict each other: the pictures put {one.camera} "
+        f"{number(abs(one.difference_m))} m {way} against {others} than their logs say; their priors allow "
+        f"{number(one.sigma_m)} m (one sigma)",
+        advice="likely: heights of two datums (ellipsoid, sea level, take-off) or one barometer's drift; `runningfix "
+        "inspect` tells what each log's heights count from",
     )
 
 

@@ -12,6 +12,7 @@ always did. What the process does between knots, s^2 h / (3 T) on average, is le
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,6 +60,16 @@ class PoseWander:
             return np.zeros((len(left), 6))
         inside = (left >= 0)[:, None]
         return np.where(inside, (1 - share) * value[left] + share * value[np.minimum(left + 1, self.count - 1)], 0.0)
+
+    @cached_property
+    def penalties(self) -> tuple[tuple[int, int, Floats], ...]:
+        """Camera, axis, and the precision (k, k) at the camera's knots, of every error that wanders."""
+        return tuple(
+            (c, int(axis), wander_penalty(self, c, int(axis)))
+            for c in range(len(self.first) - 1)
+            if self.first[c + 1] > self.first[c]
+            for axis in np.flatnonzero(self.sigma[c] > 0)
+        )
 
 
 def without_wander(frames: Frames) -> PoseWander:

@@ -62,6 +62,45 @@ def test_a_mistake_is_bad_and_its_culprit_is_named_first(problem: Problem, kind:
     assert named[0].figure > 50
 
 
+def test_a_jump_that_free_motions_follow_is_named_with_its_camera_and_moment() -> None:
+    right = _free(mistaken.right_flight(1))
+    assert solved(right).verdict.grade == "good"
+    jumping = _free(mistaken.shifted(right, "uav2", np.array([9.0, 9.0, 0.0]), since=25))
+    verdict = solved(jumping).verdict
+    assert verdict.grade != "good"
+    first = verdict.reasons[0]
+    assert first.kind == "suspect-position-step"
+    assert first.subject == "uav2"
+    assert "frame 25" in first.words
+
+
+def test_a_single_target_that_bends_is_no_jump_of_a_camera() -> None:
+    assert not [r for r in solved(looped_flight(0.0, seconds=30.0)[0]).verdict.reasons if "step" in r.kind]
+
+
+def _free(problem: Problem) -> Problem:
+    return replace(problem, targets=tuple(TargetInput(target=t.target, motion="spline") for t in problem.targets))
+
+
+def test_heights_of_two_datums_contradict_each_other() -> None:
+    verdict = solved(mistaken.shifted(mistaken.right_flight(1), "uav1", np.array([0.0, 0.0, 8.0]))).verdict
+    named = [r for r in verdict.reasons if r.kind == "prior-heights"]
+    assert verdict.grade != "good"
+    assert len(named) == 1
+    assert "uav2 4.31 m higher against uav1" in named[0].words
+    assert "datum" in named[0].advice
+
+
+def test_a_bad_end_of_a_track_without_which_the_answer_stands_is_care() -> None:
+    slid = mistaken.sliding(mistaken.right_flight(1, targets=6), "uav1", 3, since=44, px_per_frame=6.0)
+    verdict = solved(slid).verdict
+    assert verdict.grade == "care"
+    assert verdict.reasons[0].kind == "suspect-without-part"
+    assert "of its sigmas: it stands" in verdict.reasons[0].words
+    worse = mistaken.sliding(mistaken.right_flight(1, targets=6), "uav1", 3, since=25, px_per_frame=6.0)
+    assert solved(worse).verdict.grade == "bad"
+
+
 def test_a_motion_that_was_given_too_simple_is_named() -> None:
     scene = paper_scene(order=2, targets=3, given_offset_s=0.5)
     problem = simulate(scene, noise=mistaken.INSTRUMENTS, seed=1)[0]

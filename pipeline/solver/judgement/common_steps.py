@@ -1,0 +1,101 @@
+"""Does a camera's pose step where all targets bend at once? Free motions follow a pose that jumps, and hide it.
+
+A step of a camera's attitude or position from a frame on is three more unknowns s beside all others x. At the optimum
+the gradient by x is zero, so that with g the gradient of the cost by s, and N the normal matrix,
+
+    g' V^-1 g,   V = N_ss - N_sx N_xx^-1 N_xs
+
+is what chi-square would fall by to first order (Rao's score test, 1948), and -V^-1 g the step. Everything that motions
+take up is projected out, unlike in `pose_sequences`. One target that bends alone moves no other, so it is not taken for
+a camera's step; with a single target the two cannot be told apart, and nothing is looked for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.foundation.arrays import Floats, Ints
+from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global, part_of
+from pipeline.solver.adjustment.banded_system import Factor
+from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.judgement.pose_sequences import Part, Sequence
+from pipeline.solver.judgement.prior_tests import log10_chance
+
+PLACES = 40
+"""Places at which a step is looked for, in each camera; twice as many find better what splines follow at once."""
+CHUNK_BLOCKS = 1024
+HALVES: dict[Part, slice] = {"attitude": slice(0, 3), "position": slice(3, 6)}
+
+
+def common_steps(model: Model, state: State, factor: Factor) -> tuple[Sequence, ...]:
+    """The likeliest step of every camera; none without splines, or with a single target."""
+    if len(model.basis.targets) < 2 or not any(t.kind == "spline" for t in model.basis.targets):
+        return ()
+    found = (_of_camera(model, state, factor, c) for c in range(len(model.frames.cameras)))
+    return tuple(one for one in found if one is not None)
+
+
+def _of_camera(model: Model, state: State, factor: Factor, c: int) -> Sequence | None:
+    frames = model.frames
+    begin, sums = _from_the_end(model, state, c)
+    mine = frames.of(c)
+    margin = 0.04 * (mine.stop - mine.start)
+    inside = np.flatnonzero((begin > mine.start + margin) & (begin < mine.stop - margin))
+    places = inside[np.unique(np.linspace(0, len(inside) - 1, min(PLACES, len(inside))).round().astype(np.int64))]
+    if not len(places):
+        return None
+    gradient, normal, coupling = (each[places] for each in sums)
+    size = coupling.shape[2]
+    taken = factor.solve(coupling.transpose(2, 0, 1).reshape(size, -1)).reshape(size, len(places), 6)
+    rest = normal - np.einsum("pin,npj->pij", coupling, taken)
+    best: tuple[float, Part, int] | None = None
+    for part, half in HALVES.items():
+        square = [
+            _square(g[half], v[half, half], n[half, half]) for g, v, n in zip(gradient, rest, normal, strict=True)
+        ]
+        at = int(np.argmax(square))
+        if best is None or square[at] > best[0]:
+            best = square[at], part, at
+    assert best is not None
+    square_, part, at = best
+    half, frame = HALVES[part], int(begin[places[at]])
+    step = -np.linalg.pinv(rest[at][half, half], rcond=1e-9, hermitian=True) @ gradient[at][half]
+    many = float(np.log10(2 * len(places)))
+    return Sequence(
+        camera=frames.cameras[c], kind="step", part=part, frame=int(frames.frame[frame]),
+        time_s=float(frames.video_s[frame]), size=step, statistic=square_,
+        log10_p=min(0.0, log10_chance(square_, 3) + many),
+    )  # fmt: skip
+
+
+def _square(gradient: Floats, rest: Floats, whole: Floats) -> float:
+    """g' V^-1 g over the directions of which the other unknowns leave something."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(whole), 1e-300))
+    value, vector = np.linalg.eigh(rest * scale[:, None] * scale)
+    seen = value > 1e-6
+    return float(((vector[:, seen].T @ (gradient * scale)) ** 2 / value[seen]).sum())
+
+
+def _from_the_end(model: Model, state: State, c: int) -> tuple[Ints, tuple[Floats, Floats, Floats]]:
+    """First frames of a camera's blocks, and from each on to the camera's end: gradient (b, 6), normal matrix (b, 6, 6)
+    and coupling with all unknowns (b, 6, n + q) of a change of pose."""
+    blocks, at = blocks_at(model, state)
+    rows = np.flatnonzero(blocks.camera == c)
+    bias = slice(3 * (model.basis.degree + 1) * len(model.basis.targets), None)
+    size = model.order.n_band + model.order.n_border
+    gradient, normal, coupling = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6)), np.zeros((len(rows), 6, size))
+    for low in range(0, len(rows), CHUNK_BLOCKS):
+        high = min(low + CHUNK_BLOCKS, len(rows))
+        part, at_part = part_of(blocks, at, int(rows[low]), int(rows[high - 1]) + 1)
+        normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
+        pose = slice(bias.start, bias.start + 6)
+        gradient[low:high] = normals.gradient[:, pose]
+        normal[low:high] = normals.normal[:, pose, pose]
+        chained = normals.normal[:, pose] @ local_from_global(model, part, 0, high - low)
+        places = global_places(model, part)
+        for k in range(high - low):
+            there = places[k] >= 0
+            coupling[low + k][:, places[k][there]] = chained[k][:, there]
+    backwards = tuple(np.cumsum(each[::-1], axis=0)[::-1] for each in (gradient, normal, coupling))
+    return blocks.begin[:-1][rows], backwards  # type: ignore[return-value]
