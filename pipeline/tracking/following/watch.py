@@ -206,7 +206,11 @@ def _box(watched: Watched, here: Fix | None, scene: Scene) -> tuple[Watched, boo
         return changed(watched, box=changed(box, centre_px=expected), course=moved_on), False
     found = look_box(box, scene.pixels, expected, scene.time_s)
     if found is None or found.likeness < BOX_TRACKER.least_likeness:
-        return changed(watched, box=None), False
+        dim = found is not None and found.likeness > WATCH.least_dim
+        if found is None or not dim or abs(scene.time_s - box.time_s) > WATCH.blind_s + INSTANT_S:
+            return changed(watched, box=None), False
+        held = changed(found, look=box.look, time_s=box.time_s)  # says nothing, and learns nothing of what it holds
+        return changed(watched, box=held), False
     course = corrected(course, found.centre_px, BOX_TRACKER.sigma_share * found.size)
     return changed(watched, box=found, course=course), True
 

@@ -7,9 +7,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from pipeline.records import Box
-from pipeline.tracking import track_video
+from pipeline.tracking import TrackingSettings, track_video
+from pipeline.tracking.following import watch as watching
+from pipeline.tracking.following.follow import hide
+from pipeline.tracking.records import changed
+from pipeline.tracking.scene.background import Scene
+from pipeline.tracking.settings import WATCH
 from tests.scenes.video import written
 
 SIZE, BODY, FRAMES = (480, 160), (20, 44), 60
@@ -69,3 +75,28 @@ def test_what_stands_in_the_way_is_not_the_target(tmp_path: Path) -> None:
     inside = (off < np.array(BODY) / 2 + 0.5).all(axis=1)
     assert track.seen.sum() >= 20
     assert inside[track.seen].all()
+
+
+@pytest.mark.parametrize(
+    ("likeness", "dim_s", "held"), [(0.3, 0.1, True), (0.3, 2 * WATCH.blind_s, False), (0.1, 0.1, False)]
+)
+def test_a_box_that_looks_dim_for_a_moment_is_held_and_says_nothing(monkeypatch, likeness, dim_s, held) -> None:
+    pixels = next(walk(post=False))
+    x, y = centre(0) - (np.array(BODY) - 1) / 2
+    scene = Scene(frame=0, time_s=0.0, pixels=pixels, dt_s=0.1, cur_from_prev=np.eye(3), keys=())
+    box, settings = Box(frame=0, x=x, y=y, width=BODY[0], height=BODY[1]), TrackingSettings()
+    alone, _ = watching.begin_watch(scene, box, settings, None)
+    alone = changed(
+        alone,
+        surface=hide(alone.surface, 1.0),
+        together=False,
+        trail=changed(alone.trail, velocity=np.array([5.0, 0.0])),
+    )
+    real = watching.look_box
+    monkeypatch.setattr(watching, "look_box", lambda *given: changed(real(*given), likeness=likeness))
+    later = changed(scene, frame=1, time_s=dim_s)
+    after, seen = watching.watch(alone, later, settings)
+    assert not [fix for fix in seen.fixes if fix.kind == "box"]
+    assert (after.box is not None) is held
+    if after.box is not None:
+        np.testing.assert_array_equal(after.box.look, alone.box.look)
