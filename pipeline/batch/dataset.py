@@ -10,26 +10,13 @@ ellipsoid; null where a flight is on no map.
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import UsageError
 from pipeline.batch.outcome import FlightOutcome
-
-POINT_Z = 1001
-"""Of well-known binary (ISO): a point with a height."""
-GEO = {
-    "version": "1.1.0",
-    "primary_column": "geometry",
-    "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["Point Z"]}},
-}
-PLACE = ("longitude_deg", "latitude_deg", "height_m")
+from pipeline.export import parquet_bytes, parquet_of
 
 
 def arrow() -> Any:
@@ -46,29 +33,8 @@ def arrow() -> Any:
 
 def trajectory_parquet(table: Path) -> bytes:
     """A `trajectory.csv` as GeoParquet: the same columns, `utc` as a time, and the point of each row."""
-    import pandas as pd
-
-    pa, rows = arrow(), pd.read_csv(table, dtype={"target": str, "utc": str})
-    columns: dict[str, Any] = {}
-    for name in rows.columns:
-        if name == "target":
-            columns[name] = pa.array(rows[name].tolist(), pa.string())
-        elif name == "utc":
-            columns[name] = pa.array(pd.to_datetime(rows[name], utc=True), pa.timestamp("us", tz="UTC"))
-        else:
-            columns[name] = pa.array(rows[name].to_numpy(float), pa.float64(), from_pandas=True)
-    place = rows[list(PLACE)].to_numpy(float) if set(PLACE) <= set(rows.columns) else np.full((len(rows), 3), np.nan)
-    columns["geometry"] = pa.array(well_known_points(place), pa.binary())
-    made = pa.table(columns)
-    return _written(made.replace_schema_metadata({b"geo": json.dumps(GEO).encode()}))
-
-
-def well_known_points(place: Floats) -> list[bytes | None]:
-    """Points (n, 3) of longitude, latitude, height in well-known binary; None where one is not finite."""
-    packed = np.zeros(len(place), dtype=[("order", "u1"), ("kind", "<u4"), ("xyz", "<f8", 3)])
-    packed["order"], packed["kind"], packed["xyz"] = 1, POINT_Z, place
-    known: list[bool] = np.asarray(np.isfinite(place).all(axis=1)).tolist()
-    return [row.tobytes() if good else None for row, good in zip(packed, known, strict=True)]
+    arrow()
+    return parquet_of(table.read_text(encoding="utf-8"))
 
 
 def catalogue_parquet(outcomes: Sequence[FlightOutcome]) -> bytes:
@@ -86,7 +52,7 @@ def catalogue_parquet(outcomes: Sequence[FlightOutcome]) -> bytes:
         ("versions", mapping),
     ])  # fmt: skip
     rows = [_row(outcome) for outcome in sorted(outcomes, key=lambda o: o.name)]
-    return _written(pa.Table.from_pylist(rows, schema=schema))
+    return parquet_bytes(pa.Table.from_pylist(rows, schema=schema))
 
 
 def _row(o: FlightOutcome) -> dict[str, Any]:
@@ -119,10 +85,3 @@ def worst(values: Any) -> float | None:
     """The largest of sigmas; None where there is none, or one is unknown: then nothing bounds it."""
     known = list(values)
     return max(known) if known and all(value is not None for value in known) else None
-
-
-def _written(table: Any) -> bytes:
-    """The bytes of a Parquet file; the same table gives the same."""
-    out = io.BytesIO()
-    arrow().parquet.write_table(table, out, compression="zstd")
-    return out.getvalue()

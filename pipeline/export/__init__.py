@@ -10,8 +10,11 @@ from pipeline.export.as_tum import tum, tum_of_others
 from pipeline.export.exporters import EXPORTS, Exporter, export_all, not_exported, write_exports
 from pipeline.export.maps.as_czml import czml
 from pipeline.export.maps.as_geojson import geojson
+from pipeline.export.maps.as_geopackage import geopackage
 from pipeline.export.maps.as_gpx import gpx
 from pipeline.export.maps.as_kml import kml
+from pipeline.export.maps.as_waypoints import waypoints
+from pipeline.export.tables.as_geoparquet import geoparquet, parquet_bytes, parquet_of
 from pipeline.export.tables.as_poses import poses_csv, read_poses_csv
 from pipeline.export.tables.as_tables import clock_csv, sightings_csv, timing_csv, trajectory_csv
 from pipeline.export.tables.as_tracks import read_tracks_csv, tracks_csv
@@ -24,9 +27,13 @@ __all__ = [
     "czml",
     "export_all",
     "geojson",
+    "geopackage",
+    "geoparquet",
     "gpx",
     "kml",
     "not_exported",
+    "parquet_bytes",
+    "parquet_of",
     "poses_csv",
     "read_detections_csv",
     "read_poses_csv",
@@ -38,5 +45,6 @@ __all__ = [
     "trajectory_csv",
     "tum",
     "tum_of_others",
+    "waypoints",
     "write_exports",
 ]

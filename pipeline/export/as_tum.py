@@ -7,9 +7,8 @@ the format has it, and common time where UTC is not known.
 
 from __future__ import annotations
 
-import re
-
 from pipeline.export.text.cells import fixed
+from pipeline.export.text.file_names import names_of_others
 from pipeline.records import Results, Trajectory
 
 
@@ -19,16 +18,8 @@ def tum(results: Results) -> str | None:
 
 
 def tum_of_others(results: Results) -> dict[str, str]:
-    """File name -> text of every target but the first; characters that are not plain become underscores."""
-    files: dict[str, str] = {}
-    for trajectory in results.trajectories[1:]:
-        plain = re.sub(r"[^A-Za-z0-9._-]", "_", trajectory.target)
-        name, count = f"trajectory-{plain}.tum", 1
-        while name.lower() in (taken.lower() for taken in files):
-            count += 1
-            name = f"trajectory-{plain}-{count}.tum"
-        files[name] = _text(trajectory, results.utc_s)
-    return files
+    """File name -> text of every target but the first."""
+    return {name: _text(t, results.utc_s) for name, t in names_of_others(results.trajectories, "tum").items()}
 
 
 def _text(trajectory: Trajectory, utc_s: float | None) -> str:

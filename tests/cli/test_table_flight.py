@@ -23,6 +23,7 @@ def test_the_files_of_a_run(done):
     assert names >= {
         "tracks.csv", "poses.csv", "timing.csv", "trajectory.csv", "sightings.csv", "solution.json", "report.html",
         "trajectory.geojson", "trajectory.kml", "trajectory.czml", "trajectory.gpx", "trajectory.tum",
+        "trajectory.gpkg", "trajectory.waypoints", "trajectory.parquet",
     }  # fmt: skip
 
 

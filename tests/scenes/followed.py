@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import subprocess
@@ -40,7 +41,8 @@ def _run(name: str, rest: list[str], folder: Path) -> str:
     if name == "cd":
         return ""
     if name != "runningfix":
-        return subprocess.run([name, *rest], cwd=folder, capture_output=True, text=True, check=True).stdout
+        plain = {**os.environ, "LC_ALL": "C"}  # names are sorted alike everywhere
+        return subprocess.run([name, *rest], cwd=folder, env=plain, capture_output=True, text=True, check=True).stdout
     out, said = io.StringIO(), io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         code = main(rest)

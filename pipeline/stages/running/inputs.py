@@ -16,7 +16,7 @@ from pipeline.stages.running.provenance import input_files
 FILE_KEYS = ("calibration", "video", "tracks", "telemetry")
 WRITTEN = re.compile(
     "|".join(re.escape(n) for n in ("tracks.csv", "poses.csv", "report.html", *(e.file_name for e in EXPORTS)))
-    + r"|trajectory-.*\.tum|overlay-.*\.mp4"
+    + r"|trajectory-.*\.(tum|waypoints)|overlay-.*\.mp4"
 )
 
 

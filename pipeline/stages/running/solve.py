@@ -110,7 +110,7 @@ def solver_settings(flight: Flight) -> SolverSettings:
     )
 
 
-def outputs(results: Results, measured: Sequence[MeasuredPoses], solution: Solution) -> dict[str, str]:
+def outputs(results: Results, measured: Sequence[MeasuredPoses], solution: Solution) -> dict[str, str | bytes]:
     """Every file that a solved flight leaves: name -> content."""
     return {
         "poses.csv": poses_csv([m.poses for m in measured], all_refined(measured, solution)),

@@ -11,13 +11,15 @@ from calibration.foundation.errors import WriteError
 from pipeline.export import EXPORTS, export_all, not_exported, write_exports
 from tests.scenes.export import tiny_results
 
-MAPS = {"trajectory.geojson", "trajectory.kml", "trajectory.czml", "trajectory.gpx"}
+ON_THE_MAP = ("geojson", "kml", "czml", "gpx", "gpkg", "waypoints")
+MAPS = {f"trajectory.{suffix}" for suffix in ON_THE_MAP}
+OTHERS = {f"trajectory-van__1_____co___Z_rich.{suffix}" for suffix in ("tum", "waypoints")}
 
 
 def test_every_file_of_a_flight_on_the_map() -> None:
     files = export_all(tiny_results())
     assert {e.file_name for e in EXPORTS} <= set(files)
-    assert set(files) - {e.file_name for e in EXPORTS} == {"trajectory-van__1_____co___Z_rich.tum"}
+    assert set(files) - {e.file_name for e in EXPORTS} == OTHERS
     assert not_exported(tiny_results()) == {}
 
 
@@ -33,7 +35,15 @@ def test_what_does_not_apply_says_so() -> None:
     results = tiny_results(trajectories=())
     steady = dataclasses.replace(results.solution, clocks=results.solution.clocks[:1])
     missing = not_exported(dataclasses.replace(results, solution=steady))
-    assert missing == {"clock.csv": "no clock drifts", "trajectory.tum": "no target has a trajectory"}
+    assert missing.pop("trajectory.parquet").startswith("no target has a trajectory, or pyarrow is not installed")
+    assert missing.pop("clock.csv") == "no clock drifts"
+    assert missing == dict.fromkeys(("trajectory.tum", "trajectory.waypoints"), "no target has a trajectory")
+
+
+def test_without_pyarrow_there_is_no_parquet_and_the_reason_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.export.tables.as_geoparquet.find_spec", lambda name: None)
+    assert "trajectory.parquet" not in export_all(tiny_results())
+    assert "pip install 'runningfix[parquet]'" in not_exported(tiny_results())["trajectory.parquet"]
 
 
 def test_same_results_same_bytes() -> None:
