@@ -169,6 +169,14 @@ class Result(_InFolder):
         """`timing.csv`: time offset and frame rate of each camera, with their sigmas."""
         return self._table("timing.csv")
 
+    def corrections(self) -> pd.DataFrame:
+        """What was taken from each prior: parameter, value, prior_sigma, sigma (rad, m, s, Hz, px), in_prior_sigmas.
+
+        `beyond` is true beyond three of them; `grade` is what the verdict makes of the parameter's `block`.
+        """
+        names = ("parameter", "value", "prior_sigma", "sigma", "in_prior_sigmas", "beyond")
+        return pd.DataFrame(self.solution["corrections"], columns=[*names, "block", "chi_square", "freedom", "grade"])
+
     def sightings(self) -> pd.DataFrame:
         """`sightings.csv`: every observation's residual and weight."""
         return self._table("sightings.csv")

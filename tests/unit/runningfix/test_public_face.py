@@ -46,6 +46,9 @@ def test_a_result_is_a_table_with_its_offsets_and_its_verdict(done):
     assert result.to_dataframe().target.nunique() == 2
     offset = result.offsets().set_index("camera").loc["uav2"]
     assert abs(offset.offset_s - truth.offset_s["uav2"]) < 3 * offset.offset_sigma_s
+    taken = result.corrections().set_index("parameter")
+    assert taken.loc["uav2.offset_s" if "uav2.offset_s" in taken.index else "uav2.frame_rate"].sigma > 0
+    assert np.allclose(taken.in_prior_sigmas, taken.value / taken.prior_sigma, rtol=0.02)
     assert result.verdict in repr(result)
     assert len(result.sightings()) == len(result.tracks().to_dataframe())
     assert {"refined_east_m", "qw"} <= set(result.poses().to_dataframe().columns)
