@@ -164,7 +164,7 @@ def _boresight(
 ) -> CameraBoresight:
     time = rays.time_s * pose.frame_rate / clock[1] + clock[0]
     places, inside = _places_at(rays, known, time)
-    rays = _some(rays, inside)
+    rays = rays.some(inside)
     frames = np.unique(rays.frame)
     if len(frames) < LEAST_FRAMES:
         raise GeometryError(
@@ -202,13 +202,6 @@ def _places_at(
         for axis in range(3):
             places[mine, axis] = np.interp(time_s[mine], when, where[:, axis])
     return places, inside
-
-
-def _some(rays: SightRays, keep: Any) -> SightRays:
-    return replace(
-        rays, target=rays.target[keep], frame=rays.frame[keep], time_s=rays.time_s[keep],
-        direction_cam=rays.direction_cam[keep], pixel_from_ray=rays.pixel_from_ray[keep], sigma_px=rays.sigma_px[keep],
-    )  # fmt: skip
 
 
 def _answer(flight: Flight, pose: MeasuredPoses, found: Boresight, frames: int, *, has_mount: bool) -> CameraBoresight:

@@ -262,6 +262,11 @@ def _bias(bias: Bias) -> dict[str, Any]:
         "position_sigma_m": bias.position_sigma_m,
         "focal_scale": bias.focal_scale,
         "focal_scale_sigma": bias.focal_scale_sigma,
+        **(
+            {"readout_s": bias.readout_s, "readout_sigma_s": bias.readout_sigma_s}
+            if bias.readout_s or bias.readout_sigma_s
+            else {}
+        ),
     }
 
 

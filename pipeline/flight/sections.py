@@ -26,6 +26,9 @@ from pipeline.records.problem import METHODS
 LOWEST_HZ, HIGHEST_HZ = 0.01, 100_000.0
 """Frame rates of a camera: a frame in 100 s is the slowest time lapse, a high-speed camera the fastest."""
 
+LONGEST_READOUT_S = 0.2
+"""Of a rolling shutter: sensors take 5 to 40 ms; a number of milliseconds is refused."""
+
 ORIGIN = "write origin = { lat = 28.2, lon = 112.9, height = 60.0 }"
 ORIGIN_KEYS = (
     Key("lat", keys.needed_number(ORIGIN, expected="degrees", low=-90, high=90)),
@@ -116,6 +119,7 @@ SIGMA_KEYS = (
             "start_s",
             "attitude_tau_s",
             "position_tau_s",
+            "readout_s",
         )
     ),
 )
@@ -141,6 +145,7 @@ CAMERA_KEYS = (
     Key("mount", mount),
     Key("mount_correction", keys.section(MOUNT_KEYS, _fixed_mount, MountSettings())),
     Key("lever_arm_m", keys.vector((0.0, 0.0, 0.0))),
+    Key("readout_s", keys.number(0.0, low=-LONGEST_READOUT_S, high=LONGEST_READOUT_S)),
     Key("sigma", keys.section(SIGMA_KEYS, lambda **found: keys.given(found), {})),
 )
 

@@ -87,6 +87,7 @@ class CameraSettings:
     mount: MountSettings = MountSettings()
     mount_correction: MountSettings = MountSettings()
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    readout_s: float = 0.0
     sigma: Mapping[str, float] = field(default_factory=dict)
 
 

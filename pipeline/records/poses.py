@@ -77,6 +77,7 @@ class InstrumentSigma:
     offset_s                            of the first guess of the time offset; None: nothing is known, no prior
     frame_rate, focal                   relative
     start_s                             of the time between video and log
+    readout_s                           of the rolling shutter's readout
     """
 
     attitude_bias_rad: float = float(np.radians(0.5))
@@ -90,3 +91,4 @@ class InstrumentSigma:
     start_s: float = 0.0
     attitude_tau_s: float | None = None
     position_tau_s: float | None = None
+    readout_s: float = 0.0

@@ -34,6 +34,9 @@ class CameraInput:
     still       the pose is one constant pose (a tripod)
     mount_ypr_rad  yaw, pitch, roll of a fixed mount, as the flight file has it, where the poses rest on one; else None
     poses_at    the measured poses at moved log times, where they came from a log; else None
+    readout_s   from the exposure of the first row to that of the last; a frame's time and pose are its middle row's
+    pose_rate   (n, 6) how the measured poses go on: rotation vector (camera axes, of cam_from_enu) and velocity, per
+                second; None: the camera stands still, or nothing asks for it
     """
 
     camera: str
@@ -46,6 +49,8 @@ class CameraInput:
     still: bool = False
     mount_ypr_rad: tuple[float, float, float] | None = None
     poses_at: PoseAt | None = None
+    readout_s: float = 0.0
+    pose_rate: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

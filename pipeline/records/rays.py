@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Bools, Floats, Ints, frozen, settle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +24,7 @@ class SightRays:
     place_sigma_px  (2,) one sigma per axis of where the tracked point sits on its target, as this camera sees it: a
                     constant part, and a part that drifts linearly from minus to plus its value while the camera looks.
                     Zero: the same physical point in every camera and at any time
+    row             (m,) or None: where the sighting's row is in its frame, from -1/2 at the first to 1/2 at the last
 
     A point y in camera axes (metres, ahead of the camera) has, to first order and exactly at zero, the reprojection
     error pixel_from_ray @ y / (d . y) pixels; divided by sigma_px it is the residual of every statistical method.
@@ -39,6 +40,7 @@ class SightRays:
     sigma_px: Floats
     focal_effect: Floats | None = None
     place_sigma_px: tuple[float, float] = (0.0, 0.0)
+    row: Floats | None = None
 
     def __post_init__(self) -> None:
         m = len(self.frame)
@@ -55,7 +57,17 @@ class SightRays:
             pixel_from_ray=frozen(self.pixel_from_ray, (m, 2, 3), "pixel_from_ray"),
             sigma_px=frozen(self.sigma_px, (m,), "sigma_px"),
             focal_effect=None if self.focal_effect is None else frozen(self.focal_effect, (m, 2), "focal_effect"),
+            row=None if self.row is None else frozen(self.row, (m,), "row"),
         )
+
+    def some(self, rows: Bools | Ints) -> SightRays:
+        """Some of the sightings, by a mask or in the order of their numbers."""
+        return replace(
+            self, target=self.target[rows], frame=self.frame[rows], time_s=self.time_s[rows],
+            direction_cam=self.direction_cam[rows], pixel_from_ray=self.pixel_from_ray[rows],
+            sigma_px=self.sigma_px[rows], focal_effect=None if self.focal_effect is None else self.focal_effect[rows],
+            row=None if self.row is None else self.row[rows],
+        )  # fmt: skip
 
     @property
     def sigma_rad(self) -> Floats:

@@ -54,6 +54,7 @@ class Bias:
     position_m    (3,) ENU: true minus measured
     focal_scale   true focal length over the calibrated one
     start_s       true log time of frame 0 minus the given one
+    readout_s     of the rolling shutter, the whole of it: as given, or as refined
     *_sigma       one standard deviation each
     """
 
@@ -66,6 +67,8 @@ class Bias:
     focal_scale_sigma: float = 0.0
     start_s: float = 0.0
     start_sigma_s: float = 0.0
+    readout_s: float = 0.0
+    readout_sigma_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("rotation_rad", "rotation_sigma_rad", "position_m", "position_sigma_m"):

@@ -28,18 +28,20 @@ from pipeline.solver.adjustment import _kernels, compiled_descent
 from pipeline.solver.adjustment.assembly import linear
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
-from pipeline.solver.adjustment.log_poses import renewing
+from pipeline.solver.adjustment.log_poses import Renew
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.renewal import renewing, rolled
 from pipeline.solver.judgement import judged, with_findings, with_landmarks, with_refusal
 from pipeline.solver.methods import li, map_estimation
 from pipeline.solver.methods.initialisation import candidates
-from pipeline.solver.methods.intersection import intersect
+from pipeline.solver.methods.intersection import intersect, intersected
 from pipeline.solver.methods.parameters import FIRST_ORDER, first_camera, first_choice, first_model, given_offsets
 from pipeline.solver.methods.results import Outcome, solution_of
 from pipeline.solver.methods.triangulation import triangulate
 from pipeline.solver.observability.findings import find_degeneracies
 from pipeline.solver.observability.magnitudes import check_magnitudes
 from pipeline.solver.observation.observations import Frames, metric, pack, with_poses_of
+from pipeline.solver.observation.rolling_shutter import has_rows, with_rows
 from pipeline.solver.observation.selection import without_landmarks, without_targets
 from pipeline.solver.offset_search.views import views
 from pipeline.solver.uncertainty.covariance import Inverse
@@ -155,7 +157,7 @@ def _safely(problem: Problem, settings: SolverSettings, progress: Progress | Non
 def _solved(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
     seen = views(without_landmarks(problem))
     find_degeneracies(problem, settings, seen=seen)
-    frames = pack(problem)
+    frames = with_rows(problem, pack(problem))
     method = METHODS[settings.method]
     starts = candidates(without_landmarks(problem), settings)
     asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
@@ -238,15 +240,22 @@ def _counted(progress: Progress | None) -> Progress | None:
     return lambda _, cost: progress(next(count), cost)
 
 
+def _rows_renewing(problem: Problem) -> Renew | None:
+    """Of methods whose clocks' rates are as given: only rows make their data depend on the point."""
+    return renewing(problem) if any(has_rows(camera) for camera in problem.cameras) else None
+
+
 def _intersection(asked: Asked) -> Finish:
     model, state = _paper_start(asked, given_offsets(asked.problem), {})
-    here = linear(model, intersect(model, state))
+    model, state = intersected(model, state, _rows_renewing(asked.problem))
+    here = linear(model, state)
     return partial(_paper_outcome, asked, Fit(model=model, linear=here, status="converged", iterations=1))
 
 
 def _li(asked: Asked) -> Finish:
     model, state = _paper_start(asked, given_offsets(asked.problem), {})
-    return partial(_paper_outcome, asked, li.alternate(model, state, LI_ROUNDS, asked.progress))
+    fit = li.alternate(model, state, LI_ROUNDS, asked.progress, _rows_renewing(asked.problem))
+    return partial(_paper_outcome, asked, fit)
 
 
 def _algorithm(asked: Asked) -> Finish:
@@ -272,9 +281,9 @@ def _paper_outcome(asked: Asked, fit: Fit) -> Outcome:
     redundancy = 2 * int(asked.frames.seen.sum()) - free
     factor = factorise(fit.linear.system)
     known = factor is not None and redundancy > 0
+    observed = rolled(with_poses_of(asked.frames, fit.model.frames), fit.model, fit.state)
     return Outcome(
-        model=fit.model, observed=with_poses_of(asked.frames, fit.model.frames), state=fit.state, status=fit.status,
-        iterations=fit.iterations,
+        model=fit.model, observed=observed, state=fit.state, status=fit.status, iterations=fit.iterations,
         cost=fit.cost, candidates=asked.starts, findings=_assumed_orders(asked.problem),
         plain=Inverse(factor=factor, scale=2 * fit.cost / redundancy) if known and factor is not None else None,
     )  # fmt: skip

@@ -36,6 +36,18 @@ CHECKS = (
         needs="the extra terrain",
     ),
     Check(
+        name="landmarks",
+        module="check_landmarks",
+        minutes=15,
+        says="data/flight with surveyed landmarks, and check points on drawn flights: errors against claims",
+    ),
+    Check(
+        name="rolling-shutter",
+        module="check_rolling_shutter",
+        minutes=25,
+        says="swinging cameras with a readout of 20 ms: given, refined, ignored, beside a global shutter",
+    ),
+    Check(
         name="demo",
         module="check_demo",
         minutes=3,

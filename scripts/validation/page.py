@@ -84,6 +84,16 @@ def corruption(f: Figures) -> str:
     )
 
 
+def shutters(f: Figures) -> str:
+    """Errors over those of a global shutter, and what was said."""
+    return (
+        f"{f['flights']} flights: given {f['given_over_global']:.3f}, refined {f['refined_over_global']:.3f}, ignored "
+        f"{f['ignored_over_global']:.2f}; refined within 3 sigma {100 * f['refined_within_3_sigma']:.1f} %, error over "
+        f"sigma {f['refined_error_over_sigma']:.2f}; ignored, and said in {100 * f['ignored_said']:.0f} %; said of a "
+        f"global shutter in {100 * f['global_said']:.0f} %"
+    )
+
+
 def span(values: list[float], digits: int = 2) -> str:
     """Least to most."""
     return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
@@ -292,6 +302,23 @@ ROWS = (
             for name, value in f.items()
             if name.endswith("_error_over_claim")
         ),
+    ),
+    Row(
+        check="landmarks",
+        what="data/flight with one, three, five surveyed landmarks: position error over that without; error over sigma",
+        words=lambda f: "; ".join(
+            f"{n}: {f[f'over_without_{n}']:.2f}, {f[f'root_nees_{n}']:.2f}" for n in (1, 3, 5) if f"root_nees_{n}" in f
+        ),
+    ),
+    Row(
+        check="landmarks",
+        what="check points on drawn flights with three surveyed points: error over sigma",
+        words=lambda f: f"{f['check_error_over_sigma']:.2f} ({f['check_points']} points, {f['check_flights']} flights)",
+    ),
+    Row(
+        check="rolling-shutter",
+        what="cameras that swing at 20 degrees/s, readout 20 ms: error over that with a global shutter, readouts found",
+        words=shutters,
     ),
     Row(
         check="match",

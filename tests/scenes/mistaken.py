@@ -56,14 +56,7 @@ def exchanged(problem: Problem, name: str, a: int, b: int, since: int = 0) -> Pr
     swap[[a, b]] = b, a
     target = np.where(rays.frame >= since, swap[rays.target], rays.target)
     order = np.lexsort((target, rays.frame))
-    return with_camera(
-        problem, name,
-        rays=replace(
-            rays, target=target[order], frame=rays.frame[order], time_s=rays.time_s[order],
-            direction_cam=rays.direction_cam[order], pixel_from_ray=rays.pixel_from_ray[order],
-            sigma_px=rays.sigma_px[order],
-        ),
-    )  # fmt: skip
+    return with_camera(problem, name, rays=replace(rays, target=target).some(order))
 
 
 def sliding(problem: Problem, name: str, target: int, since: int, px_per_frame: float = 3.0) -> Problem:

@@ -15,7 +15,7 @@ from pipeline.records.motion import MotionKind
 from pipeline.solver.adjustment.elimination import CAUCHY, HUBER, Loss
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, first_camera, first_model
-from pipeline.solver.observation.clocks import common_time_s, drift_knots
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, READOUT, START, common_time_s, drift_knots
 from pipeline.solver.observation.observations import pack
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
@@ -26,7 +26,7 @@ LOSSES = {"none": Loss(), "huber": Loss(kind=HUBER, bend=1.5), "cauchy": Loss(ki
 
 def rich_model(
     kinds: tuple[MotionKind, ...] = ("polynomial", "spline"), loss: str = "none", drift: bool = True,
-    pose_rate: bool = True, method: str = "map", seed: int = 1,
+    pose_rate: bool = True, method: str = "map", seed: int = 1, rolled: bool = False,
 ) -> tuple[Model, State]:  # fmt: skip
     """Two cameras, hidden frames, lenses that distort, every parameter free, a state away from the optimum."""
     rng = np.random.default_rng(seed)
@@ -41,18 +41,22 @@ def rich_model(
     )  # fmt: skip
     camera = first_camera(problem, {"uav2": 0.45}, {"uav2": 10.1})
     choice = MotionChoice(kinds=kinds, orders=tuple(range(2, 2 + len(kinds))), spacing_s=0.8)
+    if rolled:
+        by_readout = 50 * np.random.default_rng(seed).normal(size=(*hidden.shape, 2))
+        frames = changed(frames, by_readout=by_readout * frames.seen[..., None])
     settings = SolverSettings(method=method)
     model, state = first_model(problem, settings, frames, choice, camera)
     drifting = drift_knots(frames, {1: 1.5}) if drift else model.drift
     free = model.priors.camera_free.copy()
     free[:, 6] = True
-    free[:, 9] = pose_rate
+    free[:, START] = pose_rate
+    free[:, READOUT] = rolled
     priors = changed(model.priors, camera_free=free, drift_rate=np.full(2, 0.05))
     model = model.changed(frames=frames, drift=drifting, priors=priors, loss=LOSSES[loss])
     basis = basis_at(frames, choice, common_time_s(frames, drifting, camera, np.zeros(drifting.count)))
     model = model.changed(basis=basis)
     jitter = np.array([0.01] * 3 + [1.0] * 3 + [0.01, 0.05, 0.003, 0.02])
-    camera = camera + np.where(free, rng.normal(size=(2, 10)) * jitter, 0.0)
+    camera[:, :READOUT] += np.where(free[:, :READOUT], rng.normal(size=(2, 10)) * jitter, 0.0)
     state = State(
         coefficients=rng.normal(size=(basis.count, 3)) * 20,
         camera=camera,
@@ -77,7 +81,7 @@ def placed_model(kinds: tuple[MotionKind, ...], loss: str = "none", seed: int = 
     camera = first_camera(problem, {"uav2": 0.45}, {"uav2": 10.1})
     choice = MotionChoice(kinds=kinds, orders=tuple(range(2, 2 + len(kinds))), spacing_s=0.8)
     model, state = first_model(problem, SolverSettings(), frames, choice, camera)
-    camera[:, 10:] = rng.normal(size=camera[:, 10:].shape)
+    camera[:, CAMERA_PARAMETERS:] = rng.normal(size=camera[:, CAMERA_PARAMETERS:].shape)
     coefficients = rng.normal(size=state.coefficients.shape) * 20
     own = rng.normal(size=(frames.count, 6))
     return changed(model, loss=LOSSES[loss]), changed(state, camera=camera, coefficients=coefficients, own=own)

@@ -77,11 +77,7 @@ def hides(spell: Spell, frame: Ints, target: Ints) -> Bools:
 
 
 def _kept(camera: CameraInput, keep: Bools) -> CameraInput:
-    rays = camera.rays
-    kept = replace(
-        rays, target=rays.target[keep], frame=rays.frame[keep], time_s=rays.time_s[keep],
-        direction_cam=rays.direction_cam[keep], pixel_from_ray=rays.pixel_from_ray[keep], sigma_px=rays.sigma_px[keep],
-    )  # fmt: skip
+    kept = camera.rays.some(keep)
     poses = camera.poses
     stays = np.isin(poses.frame, kept.frame)
     left = replace(

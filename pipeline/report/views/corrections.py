@@ -26,6 +26,7 @@ NAMES = {
     "offset_s": "time offset",
     "frame_rate": "frame rate",
     "start_s": "start in the log",
+    "readout_s": "readout",
     "place_x_px": "place across",
     "place_x_drift_px": "place across, drift",
     "place_y_px": "place down",
@@ -33,7 +34,8 @@ NAMES = {
 }
 UNITS = {
     "attitude": ("\u00b0", 180 / math.pi), "position": ("\u00a0m", 1.0), "focal": ("\u00a0%", 100.0),
-    "offset": ("\u00a0s", 1.0), "frame-rate": ("\u00a0Hz", 1.0), "start": ("\u00a0s", 1.0), "place": ("\u00a0px", 1.0),
+    "offset": ("\u00a0s", 1.0), "frame-rate": ("\u00a0Hz", 1.0), "start": ("\u00a0s", 1.0),
+    "readout": ("\u00a0ms", 1e3), "place": ("\u00a0px", 1.0),
 }  # fmt: skip
 """Of each block as people read it, and how many of them the record's unit is."""
 SHOWN, MOST_SHOWN = 4.0, 12.0

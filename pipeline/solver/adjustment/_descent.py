@@ -28,7 +28,7 @@ from calibration.foundation.compiled import compiled
 from pipeline.solver.adjustment._kernels import Observed
 from pipeline.solver.adjustment._lanes import turn
 
-OFFSET, SCALE, START, FOCAL, PARAMETERS = 7, 8, 9, 6, 10
+OFFSET, SCALE, START, READOUT, FOCAL, PARAMETERS = 7, 8, 9, 10, 6, 11
 
 
 class Course(NamedTuple):
@@ -59,7 +59,7 @@ class Course(NamedTuple):
 
 
 class Local(NamedTuple):
-    """A point as the blocks see it: u (F,), chain (B, 11 [+ 4 N], W), series (B, N, 3, K + 1), shift (F or 0, N, 2)."""
+    """A point as the blocks see it: u (F,), chain (B, 12 [+ 4 N], W), series (B, N, 3, K + 1), shift (F or 0, N, 2)."""
 
     u: Floats1
     chain: Floats3
@@ -93,7 +93,7 @@ def localise(course: Course, coefficients: Floats2, camera: Floats2, out: Local)
         middle = course.video_s[f] - u[f] * slope
         for i in range(FOCAL + 1):
             chain[b, i, i] = 1.0
-        chain[b, 7, OFFSET] = chain[b, 9, START] = 1.0
+        chain[b, 7, OFFSET] = chain[b, 9, START] = chain[b, 11, READOUT] = 1.0
         chain[b, 7, SCALE] = chain[b, 9, SCALE] = middle
         chain[b, 8, SCALE] = chain[b, 10, SCALE] = slope
         share_slope = slope * course.share_per_s[c]

@@ -45,6 +45,7 @@ class Observed(NamedTuple):
     pose_rate    (F, 6) rad/s and m/s per second of log time; without frames where poses cannot be moved in time
     ray (F, N, 3), gain (F, N, 2, 3), seen (F, N): see `Frames`
     focal_effect (F, N, 2); without frames where lenses do not distort
+    by_readout   (F, N, 2) derivative of residuals by the readout; without frames where none is refined
     place_gain   (F, N) sigmas per pixel of place error; without frames where there are no place errors
     angular      whether residuals are divided by the depth
     """
@@ -55,6 +56,7 @@ class Observed(NamedTuple):
     ray: Floats3
     gain: Floats4
     focal_effect: Floats3
+    by_readout: Floats3
     seen: Bools2
     place_gain: Floats2
     angular: bool
@@ -113,11 +115,13 @@ def _less(out: Floats, DX: Floats, axis: int, column: int) -> None:
 
 
 @inlined
-def _columns(n_targets: int, powers: int, rated: bool, placed: bool, place: Ints, wide: Ints) -> None:
+def _columns(
+    n_targets: int, powers: int, rated: bool, rolled: bool, placed: bool, place: Ints, wide: Ints
+) -> None:  # fmt: skip
     """Where each column of z begins among a block's local unknowns, and how many powers of u it has there.
 
-    The columns are what the others are made of: targets 3 N, rotation 3, focal, pose time where there is any, place
-    errors 2 N where there are any. Position and time follow from the targets' columns, see `_spread_out`.
+    The columns are what the others are made of: targets 3 N, rotation 3, focal, and where there are
+    any pose time, readout, place errors 2 N. Position and time follow from the targets' columns, see `_spread_out`.
     """
     nx = 3 * n_targets
     first_q = nx * powers
@@ -130,9 +134,12 @@ def _columns(n_targets: int, powers: int, rated: bool, placed: bool, place: Ints
     if rated:
         place[z], wide[z] = first_q + 9, 2
         z += 1
+    if rolled:
+        place[z], wide[z] = first_q + 11, 1
+        z += 1
     if placed:
         for i in range(2 * n_targets):
-            place[z + i], wide[z + i] = first_q + 11 + 2 * i, 2
+            place[z + i], wide[z + i] = first_q + 12 + 2 * i, 2
 
 
 @compiled
@@ -186,18 +193,25 @@ def lanes_of(begin: Ints) -> int:
 
 
 @inlined
-def _first_kept(n_targets: int, rated: bool, placed: bool) -> int:
+def _by_frame(rated: bool, rolled: bool) -> int:
+    """How many columns each residual has: pose 6, focal, and pose time and readout where there are any."""
+    return 7 + (1 if rated else 0) + (1 if rolled else 0)
+
+
+@inlined
+def _first_kept(n_targets: int, rated: bool, rolled: bool, placed: bool) -> int:
     """How many derivatives of residuals are kept, before L^-1 h and L."""
-    return 2 * n_targets * (8 if rated else 7) + (n_targets if placed else 0)
+    columns: int = _by_frame(rated, rolled)
+    return 2 * n_targets * columns + (n_targets if placed else 0)
 
 
 @compiled
-def kept_shape(begin: Ints1, n_targets: int, rated: bool, placed: bool) -> tuple[int, int, int]:
+def kept_shape(begin: Ints1, n_targets: int, rated: bool, rolled: bool, placed: bool) -> tuple[int, int, int]:
     """Shape of what `block_normals` keeps: chunks, rows, lanes."""
     width, chunks = lanes_of(begin), 0
     for b in range(len(begin) - 1):
         chunks += (begin[b + 1] - begin[b] + width - 1) // width
-    return chunks, _first_kept(n_targets, rated, placed) + 27, width
+    return chunks, _first_kept(n_targets, rated, rolled, placed) + 27, width
 
 
 @compiled
@@ -213,31 +227,32 @@ def block_normals(
     """Twin of `elimination.block_normals_plain`: normal (B, L, L), gradient (B, L), cost, frame gain.
 
     Where `kept` (of `kept_shape`) has chunks, what `kept_steps` needs of every frame goes there: the residuals'
-    derivatives by its pose, focal length and log time, and by place errors; L^-1 h, the inverse of the diagonal of L,
-    the factor of H, and L below it.
+    derivatives by its pose, focal length, log time and readout, and by place errors; L^-1 h, the inverse of the
+    diagonal of L, the factor of H, and L below it.
     """
     cam_from_enu, position, rate, ray = observed.cam_from_enu, observed.position_m, observed.pose_rate, observed.ray
     gain, lens, place_gain, angular = observed.gain, observed.focal_effect, observed.place_gain, observed.angular
+    by_readout = observed.by_readout
     spread, prior, damping, kind, bend = loosely
     begin, camera, time_u, half_s = runs
     series, bias, focal, own, shift = point
-    keep, rated = len(kept) > 0, len(rate) > 0
+    keep, rated, rolled = len(kept) > 0, len(rate) > 0, len(by_readout) > 0
     axes, six = position.shape[1], spread.shape[1]
     n_blocks, n_targets, powers = len(camera), ray.shape[1], series.shape[3]
     placed = len(shift) > 0
     nx = 3 * n_targets
-    nq = 8 if rated else 7
+    nq = _by_frame(rated, rolled)
     first_place = nx + nq - 3
     nz = first_place + (2 * n_targets if placed else 0)
     nk = max(2 * powers - 1, 5)
-    size = nx * powers + 11 + (4 * n_targets if placed else 0)
+    size = nx * powers + 12 + (4 * n_targets if placed else 0)
     column, wide = np.zeros(nz, np.int64), np.zeros(nz, np.int64)
-    _columns(n_targets, powers, rated, placed, column, wide)
+    _columns(n_targets, powers, rated, rolled, placed, column, wide)
     width = lanes_of(begin)
     normal = np.zeros((n_blocks, size, size))
     gradient = np.zeros((n_blocks, size))
-    rows, first_kept = 2 * n_targets, _first_kept(n_targets, rated, placed)
-    R, DX, DQ = np.empty((rows, width)), np.empty((nx, 8, width)), np.empty((8, 8, width))
+    rows, first_kept = 2 * n_targets, _first_kept(n_targets, rated, rolled, placed)
+    R, DX, DQ = np.empty((rows, width)), np.empty((nx, 9, width)), np.empty((9, 9, width))
     gz, hq, H, W = np.empty((nz, width)), np.empty((6, width)), np.empty((6, 6, width)), np.empty((nz, 6, width))
     pw, m = np.empty((nk, width)), np.empty(width)
     turned, left, error = np.empty((9, width)), np.empty((9, width)), np.empty((6, width))
@@ -319,6 +334,13 @@ def block_normals(
                     angular, kind, bend, rated, spin, rate_at, store[2 * n * nq : (2 * n + 2) * nq],
                     R[2 * n : 2 * n + 2], root, work, axes,
                 )  # fmt: skip
+                if rolled:
+                    for i in range(2):
+                        J = store[(2 * n + i + 1) * nq - 1]
+                        for lane in range(lanes):
+                            J[lane] = by_readout[low + lane, n, i] * root[lane]
+                        for lane in range(lanes, width):
+                            J[lane] = 0.0
                 if placed:
                     for lane in range(width):
                         PG[n, lane] = worth[n, lane] * root[lane]
@@ -507,6 +529,7 @@ def block_normals(
 def kept_steps(
     kept: Floats3,
     rated: bool,
+    rolled: bool,
     placed: bool,
     spread: Floats2,
     runs: Runs,
@@ -518,7 +541,8 @@ def kept_steps(
     """`own` + du into `out`: du as `frame_steps`, from what `block_normals` kept: - L'^-1 (L^-1 h + L^-1 E dz)."""
     begin, camera, time_u, half_s = runs
     n_targets, powers, axes, six = series.shape[1], series.shape[3], series.shape[2], spread.shape[1]
-    first_q, nq, at = 3 * n_targets * powers, 8 if rated else 7, _first_kept(n_targets, rated, placed)
+    first_q, nq = 3 * n_targets * powers, _by_frame(rated, rolled)
+    at = _first_kept(n_targets, rated, rolled, placed)
     width = kept.shape[2]
     right, dx, s, u = np.empty((6, width)), np.empty((3, width)), np.empty(width), np.zeros(width)
     d = np.zeros(step.shape[1])
@@ -567,8 +591,11 @@ def kept_steps(
                     if rated:
                         for lane in range(width):
                             s[lane] += J[7, lane] * (d[first_q + 9] + u[lane] * d[first_q + 10])
+                    if rolled:
+                        for lane in range(width):
+                            s[lane] += J[nq - 1, lane] * d[first_q + 11]
                     if placed:
-                        k = first_q + 11 + 2 * row
+                        k = first_q + 12 + 2 * row
                         for lane in range(width):
                             s[lane] += store[2 * n_targets * nq + n, lane] * (d[k] + u[lane] * d[k + 1])
                     for i in range(six):

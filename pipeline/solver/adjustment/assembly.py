@@ -121,7 +121,7 @@ def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
 
 
 def global_places(model: Model, blocks: Blocks) -> Ints:
-    """(B, G) where the block's targets' acting coefficients (target, axis, coefficient) and 12 parameters sit."""
+    """(B, G) where the block's targets' acting coefficients (target, axis, coefficient) and 13 parameters sit."""
     order, parts = model.order, []
     for t in model.basis.targets:
         acting = order.coefficient[t.active[blocks.span][:, None] + np.arange(t.degree + 1)]

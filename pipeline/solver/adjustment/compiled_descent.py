@@ -17,7 +17,7 @@ from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.log_poses import Renew, carry
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL
-from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, share_per_second, shortened
+from pipeline.solver.observation.frame_blocks import BLOCK_PARAMETERS, LOCAL_COLUMNS, share_per_second, shortened
 from pipeline.solver.observation.observations import Frames
 
 ANY = 1 << 62
@@ -87,8 +87,8 @@ class BorderPoint:
             self.room.owner = self
         out, placed = np.empty_like(self.own), len(self.local.shift) > 0
         _kernels.kept_steps(
-            self.room.kept, len(self.observed.pose_rate) > 0, placed, self.model.pose.spread,
-            _runs(self.course, self.local), self.local.series, step, self.own, out,
+            self.room.kept, len(self.observed.pose_rate) > 0, len(self.observed.by_readout) > 0, placed,
+            self.model.pose.spread, _runs(self.course, self.local), self.local.series, step, self.own, out,
         )  # fmt: skip
         return out
 
@@ -214,17 +214,28 @@ def warm() -> None:
     begin = np.array([0, 1])
     ray, gain = np.array([[[0.0, 0.0, 1.0]]]), f((1, 1, 2, 3))
     observed = Observed(
-        np.eye(3)[None], f((1, 3)), f((0, 6)), ray, gain, f((0, 1, 2)), np.ones((1, 1), bool), f((0, 1)), True
+        np.eye(3)[None],
+        f((1, 3)),
+        f((0, 6)),
+        ray,
+        gain,
+        f((0, 1, 2)),
+        f((0, 1, 2)),
+        np.ones((1, 1), bool),
+        f((0, 1)),
+        True,
     )
-    kept = _kernels.room(*_kernels.kept_shape(begin, 1, False, False))
+    kept = _kernels.room(*_kernels.kept_shape(begin, 1, False, False, False))
     runs, camera = Runs(begin, i, f(1), np.ones(1)), f((1, CAMERA_PARAMETERS))
     point = Point(f((1, 1, 3, 1)), f((1, 6)), f(1), f((1, 6)), f((0, 1, 2)))
     weights = Loosely(f((1, 6)), np.ones((1, 6)), 0.0, 0, 1.0)
     normal, gradient, _, _ = _kernels.block_normals(observed, weights, runs, point, kept)
-    _kernels.kept_steps(kept, False, False, weights.spread, runs, point.series, gradient, point.own, point.own)
+    _kernels.kept_steps(kept, False, False, False, weights.spread, runs, point.series, gradient, point.own, point.own)
     _kernels.squared_lengths(observed, weights.spread, runs, point, f((1, 1)))
-    columns: Ints = np.full((1, 15), -1)
-    _assembly.assemble(normal, gradient, np.ones((1, 1, 1, 1)), i, i, f((1, 11, 12)), columns, 0, 0, 0)
+    columns: Ints = np.full((1, 3 + BLOCK_PARAMETERS), -1)
+    _assembly.assemble(
+        normal, gradient, np.ones((1, 1, 1, 1)), i, i, f((1, LOCAL_COLUMNS, BLOCK_PARAMETERS)), columns, 0, 0, 0
+    )
     order: Ints = np.arange(3)[None]
     motion = _descent.motion_columns(order, i, i, 1)
     held = np.full(camera.shape, -1)

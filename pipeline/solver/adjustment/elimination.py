@@ -1,7 +1,7 @@
 """The normal equations of every block, with the frames' own pose errors eliminated in closed form.
 
-All that a frame observes touches z = (target positions 3 N, bias 6, focal, time, pose time) of that instant. With A its
-derivative by the pose, J by z, W the robust weights, S the spread and H = S A'WA S + prior:
+All that a frame observes touches z = (target positions 3 N, bias 6, focal, time, pose time, readout) of that instant.
+With A its derivative by the pose, J by z, W the robust weights, S the spread and H = S A'WA S + prior:
 
     information M = J'WJ - E'H^-1 E        E = S A'WJ
     gradient    m = J'Wr - E'H^-1 h        h = S A'Wr + prior u
@@ -101,7 +101,7 @@ class At:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockNormals:
-    """`normal` (B, L, L) and `gradient` (B, L) of the local unknowns: target, axis, power; then the 11 columns.
+    """`normal` (B, L, L) and `gradient` (B, L) of the local unknowns: target, axis, power; then the 12 columns.
 
     kept        what the frames' steps need, (F, ...); None: they are computed anew
     cost        half of rho summed, and of the frames' own priors
@@ -129,10 +129,13 @@ def _frame_index(blocks: Blocks, low: int, high: int) -> Ints:
     return np.repeat(np.arange(low, high), np.diff(blocks.begin[low : high + 1]))
 
 
-def _columns(found: Linearised, velocity: Floats, place_gain: Floats | None) -> Floats:
-    """J (n, 2 N, 3 N + 9 [+ 2 N]): derivative by targets' positions, bias, focal, time, pose time [and places]."""
+def _columns(found: Linearised, velocity: Floats, by_readout: Floats, place_gain: Floats | None) -> Floats:
+    """J (n, 2 N, 3 N + 10 [+ 2 N]): by targets' positions, bias, focal, time, pose time, readout [and places].
+
+    by_readout (n, N, 2); without frames where no readout is refined
+    """
     n, targets = found.residual.shape[:2]
-    out = np.zeros((n, targets, 2, 3 * targets + 9 + (0 if place_gain is None else 2 * targets)))
+    out = np.zeros((n, targets, 2, 3 * targets + 10 + (0 if place_gain is None else 2 * targets)))
     for t in range(targets):
         out[:, t, :, 3 * t : 3 * t + 3] = found.by_position[:, t]
     rest = 3 * targets
@@ -140,10 +143,12 @@ def _columns(found: Linearised, velocity: Floats, place_gain: Floats | None) -> 
     out[..., rest + 6] = found.by_focal
     out[..., rest + 7] = (found.by_position @ velocity[..., None])[..., 0]
     out[..., rest + 8] = found.by_pose_time
+    if len(by_readout):
+        out[..., rest + 9] = by_readout
     if place_gain is not None:
         for t in range(targets):
             for axis in range(2):
-                out[:, t, axis, rest + 9 + 2 * t + axis] = place_gain[:, t]
+                out[:, t, axis, rest + 10 + 2 * t + axis] = place_gain[:, t]
     return out.reshape(n, 2 * targets, -1)
 
 
@@ -159,7 +164,8 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
         residual = residual + place_shift(frames, part, at.camera)
     square = (residual**2).sum(-1)
     root = np.repeat(np.sqrt(loss.weight(square)), 2, axis=1)
-    J = _columns(found, velocity, frames.place_gain[part] if at.placed else None) * root[..., None]
+    placed = frames.place_gain[part] if at.placed else None
+    J = _columns(found, velocity, frames.by_readout[part], placed) * root[..., None]
     n_targets = len(frames.targets)
     A = J[..., 3 * n_targets : 3 * n_targets + 6] * pose.spread[camera][:, None]
     r = residual.reshape(len(camera), -1) * root
@@ -203,11 +209,11 @@ def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blo
 def _local_powers(n_targets: int, degree: int, placed: bool = False) -> tuple[Ints, Ints]:
     """Of every local unknown: its power of u, and its place in z."""
     columns = 3 * n_targets
-    powers = np.concatenate([np.tile(np.arange(degree + 1), columns), [0] * 7, [0, 1, 0, 1]])
-    place = np.concatenate([np.repeat(np.arange(columns), degree + 1), columns + np.array([*range(7), 7, 7, 8, 8])])
+    powers = np.concatenate([np.tile(np.arange(degree + 1), columns), [0] * 7, [0, 1, 0, 1, 0]])
+    place = np.concatenate([np.repeat(np.arange(columns), degree + 1), columns + np.array([*range(7), 7, 7, 8, 8, 9])])
     if placed:
         powers = np.concatenate([powers, np.tile([0, 1], 2 * n_targets)])
-        place = np.concatenate([place, columns + 9 + np.repeat(np.arange(2 * n_targets), 2)])
+        place = np.concatenate([place, columns + 10 + np.repeat(np.arange(2 * n_targets), 2)])
     return powers, place
 
 
@@ -260,7 +266,8 @@ def kept_room(frames: Frames, begin: Ints, placed: bool, most: int) -> Floats:
 
     NumPy asks for large pages, which are quick to touch unless a virtual machine has to fetch each from outside.
     """
-    chunks, rows, lanes = _kernels.kept_shape(begin, len(frames.targets), frames.pose_rate is not None, placed)
+    rated, rolled = frames.pose_rate is not None, len(frames.by_readout) > 0
+    chunks, rows, lanes = _kernels.kept_shape(begin, len(frames.targets), rated, rolled, placed)
     if chunks * rows * lanes > most:
         chunks = 0
     shape = (chunks, rows, lanes)
@@ -289,16 +296,16 @@ def frame_steps(
     pose = _by_block(pose, blocks)
     observed, weights = observed_of(frames, at.placed), loosely_of(pose, loss)
     point, runs = _point(frames, at, blocks), _runs(blocks)
-    rated, out = frames.pose_rate is not None, np.zeros((frames.count, 6))
+    rated, rolled, out = frames.pose_rate is not None, len(frames.by_readout) > 0, np.zeros((frames.count, 6))
     if kept is not None:
-        _kernels.kept_steps(kept, rated, at.placed, pose.spread, runs, at.series, step, out, out)
+        _kernels.kept_steps(kept, rated, rolled, at.placed, pose.spread, runs, at.series, step, out, out)
         return out
     for low, high in _chunks(blocks):
         part = Runs(runs.begin[low : high + 1], runs.camera[low:high], runs.u, runs.half_s[low:high])
         own = kept_room(frames, part.begin, at.placed, ANY)
         series = at.series[low:high]
         _kernels.block_normals(observed, weights, part, point._replace(series=series), own)
-        _kernels.kept_steps(own, rated, at.placed, pose.spread, part, series, step[low:high], out, out)
+        _kernels.kept_steps(own, rated, rolled, at.placed, pose.spread, part, series, step[low:high], out, out)
     return out
 
 
@@ -314,8 +321,8 @@ def observed_of(frames: Frames, placed: bool) -> Observed:
     """What is seen, as the compiled code wants it."""
     return Observed(
         frames.cam_from_enu, frames.position_m, NO_RATE if frames.pose_rate is None else frames.pose_rate, frames.ray,
-        frames.gain, frames.focal_effect, frames.seen, frames.place_gain if placed else frames.place_gain[:0],
-        frames.angular,
+        frames.gain, frames.focal_effect, frames.by_readout, frames.seen,
+        frames.place_gain if placed else frames.place_gain[:0], frames.angular,
     )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def movable(problem: Problem, model: Model) -> tuple[int, ...]:
     return tuple(c for c, camera in enumerate(problem.cameras) if camera.poses_at is not None and moves[c])
 
 
-def renewing(problem: Problem) -> Renew | None:
+def renewing_poses(problem: Problem) -> Renew | None:
     """A function (model, state) -> the model with its poses at the state's log times; None: no poses come from logs."""
     if all(camera.poses_at is None for camera in problem.cameras):
         return None

@@ -61,7 +61,7 @@ class Priors:
 class Order:
     """Where every unknown sits in the vector: first the band (spline coefficients by time), then the border.
 
-    coefficient (P, 3), camera (C, 10), drift (D,), wander (K, 6), ground (G,): places, -1 where held
+    coefficient (P, 3), camera (C, 11), drift (D,), wander (K, 6), ground (G,): places, -1 where held
     """
 
     coefficient: Ints

@@ -16,7 +16,7 @@ from calibration.foundation.arrays import Bools, Floats
 from pipeline.solver.adjustment.elimination import PoseError
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.parameters import model_with_basis, with_basis
-from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START
+from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, READOUT, ROT, SCALE, START
 from pipeline.solver.observation.motion_basis import build_basis
 from pipeline.solver.observation.observations import Frames
 
@@ -40,6 +40,7 @@ Kind = Literal[
     "exchange",
     "step",
     "converted",
+    "readout",
 ]
 
 
@@ -86,6 +87,31 @@ def freed(model: Model, c: int, what: str) -> Change | None:
         return model.changed(priors=replace(model.priors, camera_precision=precision, camera_free=free))
 
     return Change(kind="free", camera=model.frames.cameras[c], what=what, price=8.0 + 4.0 * len(columns), apply=apply)
+
+
+READOUT_PRIOR_S = 0.1
+"""What stands for knowing nothing of a readout."""
+
+
+def read_out(model: Model) -> Change | None:
+    """The readouts of all cameras whose rows are known, without their priors; None where all are refined already."""
+    frames, rows = model.frames, model.frames.rows
+    if rows is None:
+        return None
+    held = ~model.priors.camera_free[:, READOUT]
+    cameras = [c for c in range(len(frames.cameras)) if held[c] and rows.fraction[frames.of(c)].any()]
+    if not cameras:
+        return None
+
+    def apply(model: Model) -> Model:
+        precision, free = model.priors.camera_precision.copy(), model.priors.camera_free.copy()
+        precision[cameras, READOUT], free[cameras, READOUT] = READOUT_PRIOR_S**-2, True
+        return model.changed(
+            frames=replace(model.frames, by_readout=np.zeros((*model.frames.seen.shape, 2))),
+            priors=replace(model.priors, camera_precision=precision, camera_free=free),
+        )
+
+    return Change(kind="readout", price=8.0 + 4.0 * len(cameras), apply=apply)
 
 
 RICHER, RICHEST = 2, 7
@@ -161,6 +187,7 @@ def _hiding(frames: Frames, hidden: Bools) -> Frames:
     return replace(
         frames, seen=shown, gain=frames.gain * shown[..., None, None],
         sigma_px=np.where(shown, frames.sigma_px, np.nan), place_gain=np.where(shown, frames.place_gain, 0.0),
+        by_readout=frames.by_readout * shown[..., None] if len(frames.by_readout) else frames.by_readout,
     )  # fmt: skip
 
 
@@ -179,18 +206,21 @@ def exchanged(model: Model, c: int, a: int, b: int, since: int | None) -> Change
     )  # fmt: skip
 
 
-def _exchanging(frames: Frames, rows: Bools, a: int, b: int) -> Frames:
+def _exchanging(frames: Frames, which: Bools, a: int, b: int) -> Frames:
     def turned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
         if len(values) == 0:
             return values
         out = values.copy()
-        out[rows, a], out[rows, b] = values[rows, b], values[rows, a]
+        out[which, a], out[which, b] = values[which, b], values[which, a]
         return out
+
+    rows = frames.rows
 
     return replace(
         frames, ray=turned(frames.ray), gain=turned(frames.gain), seen=turned(frames.seen),
         sigma_px=turned(frames.sigma_px), focal_effect=turned(frames.focal_effect),
-        place_gain=turned(frames.place_gain),
+        place_gain=turned(frames.place_gain), by_readout=turned(frames.by_readout),
+        rows=None if rows is None else replace(rows, fraction=turned(rows.fraction), turn=turned(rows.turn)),
     )  # fmt: skip
 
 

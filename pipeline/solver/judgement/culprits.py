@@ -24,8 +24,8 @@ from calibration.foundation.errors import RunningFixError
 from pipeline.records import Problem
 from pipeline.solver.adjustment.compiled_descent import is_dense
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
-from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.renewal import renewing, rolling_too
 from pipeline.solver.judgement.changes import (
     CONVENTIONS,
     FREED,
@@ -33,6 +33,7 @@ from pipeline.solver.judgement.changes import (
     converted,
     exchanged,
     freed,
+    read_out,
     richer,
     stepped,
     without,
@@ -41,8 +42,9 @@ from pipeline.solver.judgement.misfit import Misfit, Misfits
 from pipeline.solver.judgement.pose_sequences import Sequence as PoseSequence
 from pipeline.solver.methods.initialisation import graduated
 from pipeline.solver.methods.intersection import intersect, intersect_weighted
-from pipeline.solver.observation.clocks import OFFSET, SCALE
-from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.clocks import OFFSET, READOUT, SCALE
+from pipeline.solver.observation.observations import Frames, Rows
+from pipeline.solver.observation.rolling_shutter import add_rows, with_row_numbers
 
 FRAMES = 200
 """Frames of a camera that take part in the search; twice as many take twice the time."""
@@ -56,6 +58,10 @@ GROSS = 30.0
 """z of unit weight from which on poses in another convention are tried; small errors are no conventions."""
 WORST, PAIRED = 4, 3
 """Tracks and targets that are suspected, the worst first; and those that are tried as exchanged half way."""
+FROM_HERE = ("free", "motion", "step", "without-target", "without-camera", "readout")
+"""Kinds of change after which the answer as it stands is a start."""
+LONGEST_SHARE = 1.2
+"""Of the time from frame to frame: what a readout may last."""
 Clocks = tuple[Floats, Floats]
 """Offsets (C,) and relative scales (C,) to start from."""
 
@@ -93,8 +99,10 @@ def search_culprits(
     clocks: Sequence[Clocks] = (),
 ) -> Searched:  # fmt: skip
     """Tries the changes on the adjusted flight; `clocks` are further clocks to start from."""
-    fewer, point = thinned(model, state)
-    descent = Descent(max_iterations=ITERATIONS, renew=renewing(problem) if fewer is model else None)
+    fewer, point = thinned(with_known_rows(problem, model), state)
+    descent = Descent(
+        max_iterations=ITERATIONS, renew=renewing(problem) if fewer.frames.count == model.frames.count else None
+    )
     base = levenberg_marquardt(fewer, point, descent)
     lost = 2.0 * float(model.frames.seen.sum() - fewer.frames.seen.sum())
     expected = max(misfits.whole.redundancy - lost, 1.0)
@@ -132,6 +140,12 @@ def _explained(
     return Explained(change=change, gain=gain, net=gain - price, z=z, fit=best)
 
 
+def with_known_rows(problem: Problem, model: Model) -> Model:
+    """The model with the rows of its sightings where they are known; where no readout is given they change nothing."""
+    cameras = with_row_numbers(problem)
+    return replace(model, frames=add_rows(problem, model.frames, cameras)) if cameras else model
+
+
 def thinned(model: Model, state: State) -> tuple[Model, State]:
     """The same adjustment with at most `FRAMES` frames of each camera, evenly spread."""
     frames = model.frames
@@ -165,7 +179,13 @@ def _chosen(frames: Frames, rows: Ints, count: Ints) -> Frames:
         frames, **cut, first=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
         pose_rate=None if frames.pose_rate is None else frames.pose_rate[rows],
         focal_effect=frames.focal_effect[rows] if len(frames.focal_effect) else frames.focal_effect,
+        by_readout=frames.by_readout[rows] if len(frames.by_readout) else frames.by_readout,
+        rows=None if frames.rows is None else _chosen_rows(frames.rows, rows),
     )  # fmt: skip
+
+
+def _chosen_rows(rows: Rows, which: Ints) -> Rows:
+    return Rows(fraction=rows.fraction[which], rate=rows.rate[which], turn=rows.turn[which])
 
 
 def ordered(problem: Problem) -> tuple[str, ...]:
@@ -200,7 +220,10 @@ def suspected(
 
 
 def _freed(model: Model) -> Iterator[Change]:
-    """Every block of every camera."""
+    """Every block of every camera, and all readouts."""
+    rows = read_out(model)
+    if rows is not None:
+        yield rows
     for what in FREED:
         for c in range(len(model.frames.cameras)):
             change = freed(model, c, what)
@@ -340,17 +363,24 @@ def _tried(change: Change, base: Fit, descent: Descent, clocks: Sequence[Clocks]
         return None
     fits = []
     own = descent if change.renewable else replace(descent, renew=None)
+    if change.kind == "readout":
+        own = replace(own, renew=rolling_too(own.renew))
     for start in _starts(model, change.moved(base.state), change, clocks):
         try:
             fits.append(graduated(model, start, own))
         except (RunningFixError, ValueError, np.linalg.LinAlgError):
             continue
-    fits = [fit for fit in fits if np.isfinite(fit.cost)]
+    fits = [fit for fit in fits if np.isfinite(fit.cost) and is_possible(fit)]
     return min(fits, key=lambda fit: fit.cost, default=None)
 
 
+def is_possible(fit: Fit) -> bool:
+    """Whether no readout lasts longer than the time from frame to frame."""
+    return bool((np.abs(fit.state.camera[:, READOUT]) * fit.model.frames.nominal_rate < LONGEST_SHARE).all())
+
+
 def _starts(model: Model, state: State, change: Change, clocks: Sequence[Clocks]) -> list[State]:
-    out = [state] if change.kind in ("free", "motion", "step", "without-target", "without-camera") else []
+    out = [state] if change.kind in FROM_HERE else []
     if change.kind == "step":
         return out
     plain = np.where(model.priors.camera_free, model.priors.camera_mean, state.camera)

@@ -25,6 +25,7 @@ from pipeline.solver.observation.clocks import (
     OFFSET,
     PLACE_PARAMETERS,
     POS,
+    READOUT,
     ROT,
     SCALE,
     START,
@@ -40,6 +41,7 @@ BLOCKS: dict[str, list[int]] = {
     "offset": [OFFSET],
     "frame-rate": [SCALE],
     "start": [START],
+    "readout": [READOUT],
 }
 
 
@@ -47,7 +49,7 @@ BLOCKS: dict[str, list[int]] = {
 class PriorTest:
     """One block of one camera's parameters against its prior.
 
-    what        "attitude", "position", "focal", "offset", "frame-rate", "start" or "place"
+    what        "attitude", "position", "focal", "offset", "frame-rate", "start", "readout" or "place"
     columns     (k,) of the camera's parameters
     correction  (k,) estimate less prior mean, in the adjustment's units; sigma (k,) of the prior
     statistic   chi-square with `freedom` degrees of freedom

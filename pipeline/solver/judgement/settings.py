@@ -25,6 +25,10 @@ class JudgementSettings:
     unmoved_sigmas   how far the answer may move when a doubted track is left out, in its own claims, for the doubt to
                      cost no more than "care"; twice as much lets flights pass whose error a slid track has doubled
     depth_share      sigma over depth from which on a symmetric sigma does not hold
+    readout_care     chance (log10) of all cameras' readouts; ten times smaller: a tenth of the false alarms
+    readout_named    sigmas from which on a camera is then named
+    readout_least_s  readout below which nothing is said: at 20 degrees/s its last row is off by 0.02 degrees
+    readout_moves    sigmas by which it would move a motion, from which on that asks for care
     """
 
     prior_care: float = -4.0
@@ -40,6 +44,10 @@ class JudgementSettings:
     alike: float = 0.1
     unmoved_sigmas: float = 1.0
     depth_share: float = 0.05
+    readout_care: float = -4.5
+    readout_named: float = 3.0
+    readout_least_s: float = 0.002
+    readout_moves: float = 0.5
 
 
 SETTINGS = JudgementSettings()

@@ -3,6 +3,7 @@
 prior tests     what the adjustment took from each prior
 misfit          residuals against their own redundancy: of all, of cameras, targets, tracks
 pose sequences  steps, drift, likeness of frames' own errors
+shutters        whether rows ask for a readout that was not given
 culprits        only where one of these is doubtful: the change that would restore the fit
 the rest        convergence, ambiguous offsets, outliers, depths whose sigma is not symmetric
 """
@@ -29,6 +30,7 @@ from pipeline.solver.judgement.influence import moved_sigmas
 from pipeline.solver.judgement.misfit import Misfit, Misfits, misfits
 from pipeline.solver.judgement.pose_sequences import Sequence, pose_sequences
 from pipeline.solver.judgement.prior_tests import HeightTest, PriorTest, height_tests, prior_tests
+from pipeline.solver.judgement.rolling_shutter import shutter_reasons, shutter_tests
 from pipeline.solver.judgement.settings import SETTINGS, JudgementSettings
 from pipeline.solver.judgement.words import (
     Told,
@@ -38,9 +40,11 @@ from pipeline.solver.judgement.words import (
     misfit_words,
     mount_words,
     number,
+    readouts_words,
     sequence_words,
 )
 from pipeline.solver.methods.results import Outcome
+from pipeline.solver.observation.clocks import READOUT
 from pipeline.solver.uncertainty.covariance import Inverse
 
 NAMED = 3
@@ -77,8 +81,11 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         if any(reason.kind != "pose-errors-alike" for reason in doubts):  # of those no single change is the cause
             doubts = _with_suspects(problem, found, solution, tests, doubts, settings)
         ground = 0.0 if problem.ground is None else problem.ground.sigma_m
+        shutters = shutter_reasons(problem, shutter_tests(problem, found, solution), settings)
         against = known_reasons(solution.landmarks, solution.ground, ground, settings)
-        reasons = [*against, *doubts, *reasons, *_depths(depths)]
+        if any(reason.kind == "rolling-shutter" for reason in doubts):
+            shutters = []
+        reasons = [*against, *doubts, *shutters, *reasons, *_depths(depths)]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths, corrections=taken)
 
@@ -277,7 +284,9 @@ def _distinct(searched: Searched) -> list[Explained]:
 
 def _suspect(problem: Problem, one: Explained, tests: Tests, grade: Grade) -> Reason:
     change, camera = one.change, next((c for c in problem.cameras if c.camera == one.change.camera), None)
-    if change.kind == "step":
+    if change.kind == "readout":
+        told, kind, subject = _readout_told(one), "rolling-shutter", ""
+    elif change.kind == "step":
         told = _step_told(one)
         kind, subject = f"suspect-{change.what}-step", change.camera
     elif change.kind == "free" and camera is not None:
@@ -300,6 +309,13 @@ def _suspect(problem: Problem, one: Explained, tests: Tests, grade: Grade) -> Re
         words=f"{told.words}. That would take {number(one.gain)} off chi-square, and {ends}",
         measure="fall of chi-square beyond its expectation",
     )  # fmt: skip
+
+
+def _readout_told(one: Explained) -> Told:
+    """The words of readouts that nobody gave."""
+    free, found = one.fit.model.priors.camera_free[:, READOUT], one.fit.state.camera[:, READOUT]
+    names = one.fit.model.frames.cameras
+    return readouts_words({name: float(found[c]) for c, name in enumerate(names) if free[c]})
 
 
 def _step_told(one: Explained) -> Told:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from pipeline.solver.judgement.misfit import Misfit
 from pipeline.solver.judgement.pose_sequences import Sequence
 from pipeline.solver.judgement.prior_tests import HeightTest
 
-PARAMETERS = "attitude", "position", "focal", "offset", "frame-rate", "start", "place"
+PARAMETERS = "attitude", "position", "focal", "offset", "frame-rate", "start", "readout", "place"
 UPRIGHT = 0.9
 """Share of a shift that is vertical from which on a height datum is the likely cause."""
 
@@ -53,6 +54,7 @@ ADVICE = {
     "recorder left out. Leave frame_rate out, or raise sigma.frame_rate",
     "start": "likely: a start on another clock than the log's, or of another video. Check start, or raise "
     "sigma.start_s",
+    "readout": "likely: the readout of another video mode. Take the data sheet's, or raise sigma.readout_s",
     "place": "likely: boxes around different parts of the target in different cameras. Draw them alike, or raise "
     "sigma.place",
     "motion": 'leave motion and order out (motion = "auto" lets the data say), or give a higher order',
@@ -91,12 +93,38 @@ def correction_words(camera: str, what: str, correction: Floats, sigma: Floats, 
         now = rate_hz / (1 + float(correction[0]))
         words = f"{camera} ran at {now:.5g} frames a second, not at {rate_hz:.5g}; "
         return Told(words=words + prior.format(f"{number(100 * one)} %"), advice=ADVICE["frame-rate"])
+    if what == "readout":
+        words = f"the readout of {camera} is {1e3 * float(correction[0]):+.2g} ms from what was given; "
+        return Told(words=words + prior.format(f"{number(1e3 * one)} ms"), advice=ADVICE["readout"])
     if what in ("offset", "start"):
         name = "time offset" if what == "offset" else "start in the log"
         words = f"the {name} of {camera} is {float(correction[0]):+.3g} s from what was given; "
         return Told(words=words + prior.format(f"{number(one)} s"), advice=ADVICE[what])
     words = f"{camera} sees a target at another point than the others do, by {number(size)} px; "
     return Told(words=words + prior.format(f"{number(one)} px"), advice=ADVICE["place"])
+
+
+def readout_words(camera: str, given_s: float, found_s: float, sigma_s: float, moves: float) -> Told:
+    """A readout that is not what was given."""
+    was = "none was given" if given_s == 0 else f"{1e3 * given_s:.1f} ms was given"
+    words = (
+        f"the rows of {camera} are exposed one after the other: its sightings fit a readout of {1e3 * found_s:.1f} ms "
+        f"(sigma {1e3 * sigma_s:.1f} ms), and {was}; with it a target would move by {number(moves)} of its sigmas"
+    )
+    return Told(
+        words=words,
+        advice=f"write readout_s = {found_s:.4f} for {camera}, the data sheet's if you have it, with "
+        f"sigma.readout_s = {max(3 * sigma_s, 0.002):.3f} to refine it",
+    )
+
+
+def readouts_words(found_s: Mapping[str, float]) -> Told:
+    """Readouts by camera that would restore a fit."""
+    each = ", ".join(f"{1e3 * value:.1f} ms of {camera}" for camera, value in found_s.items())
+    return Told(
+        words=f"the pictures fit as if their rows were exposed one after the other, with readouts of {each}",
+        advice="write readout_s for each camera (from its data sheet), or sigma.readout_s = 0.02 to refine it",
+    )
 
 
 def mount_words(given_ypr_rad: tuple[float, float, float], turn_rad: Floats) -> str:

@@ -187,8 +187,9 @@ def without(frames: Frames, whole: Frames, hidden: Bools) -> Frames:
     """The frames with the sightings of `whole` but those `hidden` (F, N)."""
     shown = whole.seen & ~hidden
     return replace(
-        frames, seen=shown, gain=whole.gain * shown[..., None, None],
+        frames, seen=shown, gain=whole.gain * shown[..., None, None], ray=whole.ray, rows=whole.rows,
         sigma_px=np.where(shown, whole.sigma_px, np.nan), place_gain=np.where(shown, whole.place_gain, 0.0),
+        by_readout=whole.by_readout * shown[..., None] if len(whole.by_readout) else whole.by_readout,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from pipeline.solver.adjustment.assembly import linear, moved
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.compiled_descent import is_dense, motion_step
 from pipeline.solver.adjustment.elimination import Loss, PoseError
+from pipeline.solver.adjustment.log_poses import Renew
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.observation.clocks import FOCAL, ROT, common_time_s
 from pipeline.solver.observation.observations import Frames, metric, scaled_metric
@@ -23,6 +24,8 @@ from pipeline.solver.observation.observations import Frames, metric, scaled_metr
 RANK = 1e-12
 """Relative to its diagonal, the smallest pivot of a motion that counts as determined."""
 REWEIGHTED = 2
+RENEWED = 3
+"""How often sightings are taken anew at their rows' instants: each time leaves a thousandth of what was missed."""
 SINGULAR = "the normal equations of the motion are singular"
 
 
@@ -37,6 +40,16 @@ def intersect(model: Model, state: State) -> State:
     Raises GeometryError where the rays do not determine it.
     """
     return _motion_step(model, model.frames, state)
+
+
+def intersected(model: Model, state: State, renew: Renew | None) -> tuple[Model, State]:
+    """`intersect` with the model's data taken anew at what it finds, where they depend on it; that model, the state."""
+    found = intersect(model, state)
+    for _ in range(RENEWED if renew is not None else 0):
+        assert renew is not None
+        model = renew(model, found)
+        found = intersect(model, found)
+    return model, found
 
 
 def intersect_weighted(model: Model, state: State) -> State:

@@ -17,8 +17,8 @@ import numpy as np
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
-from pipeline.solver.adjustment.log_poses import renewing
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.renewal import renewing
 from pipeline.solver.methods.clock_drift import drifting, with_drift
 from pipeline.solver.methods.initialisation import (
     TRIED,

@@ -20,6 +20,7 @@ from pipeline.solver.observation.clocks import (
     OFFSET,
     PLACE_PARAMETERS,
     POS,
+    READOUT,
     ROT,
     SCALE,
     START,
@@ -28,6 +29,7 @@ from pipeline.solver.observation.clocks import (
 )
 from pipeline.solver.observation.motion_basis import MotionBasis, build_basis
 from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.rolling_shutter import has_rows
 
 BEND = {"none": Loss(), "huber": Loss(kind=HUBER, bend=3.0), "cauchy": Loss(kind=CAUCHY, bend=2.5)}
 """Where a loss bends, in sigmas of a sighting: 1.1 % of good sightings lie beyond three."""
@@ -130,11 +132,13 @@ def _camera_prior(
     """Mean, sigma and freedom (W,) of one camera's. Lists: small flights are solved in less than arrays take."""
     mean, sigma, free = [0.0] * width, [np.inf] * width, [False] * width
     known, statistical = camera.sigma, settings.method == "map"
+    mean[READOUT] = first_readout_s(camera)
     if statistical:
         sigma[ROT] = [known.attitude_bias_rad] * 3
         sigma[POS] = [known.position_bias_m] * 3
         sigma[FOCAL] = known.focal
         sigma[START] = known.start_s if camera.poses_at is not None else 0.0
+        sigma[READOUT] = known.readout_s if has_rows(camera) else 0.0
         targets = (width - CAMERA_PARAMETERS) // PLACE_PARAMETERS
         sigma[CAMERA_PARAMETERS:] = camera.rays.place_sigma_px * (2 * targets)
         free = [s > 0 for s in sigma]
@@ -150,13 +154,19 @@ def _camera_prior(
 
 
 def first_camera(problem: Problem, offset_s: Mapping[str, float], rate: Mapping[str, float]) -> Floats:
-    """(C, W) first values: clocks as given here, everything else zero."""
+    """(C, W) first values: clocks as given here, readouts as the problem has them, everything else zero."""
     out = np.zeros((len(problem.cameras), parameters(problem)))
     for c, camera in enumerate(problem.cameras):
+        out[c, READOUT] = first_readout_s(camera)
         if camera.camera != problem.reference_camera:
             out[c, OFFSET] = offset_s.get(camera.camera, 0.0)
             out[c, SCALE] = camera.frame_rate / rate.get(camera.camera, camera.frame_rate) - 1
     return out
+
+
+def first_readout_s(camera: CameraInput) -> float:
+    """The readout of a camera's rolling shutter as given; zero where its rows are exposed at once."""
+    return camera.readout_s if has_rows(camera) else 0.0
 
 
 def given_offsets(problem: Problem) -> dict[str, float]:

@@ -25,7 +25,7 @@ from pipeline.records import (
 from pipeline.solver.adjustment.known_rows import known_square
 from pipeline.solver.adjustment.model import Model, State, pose_error, residuals_of, wander_square
 from pipeline.solver.methods.still_points import ground_fits, landmarks_of
-from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
+from pipeline.solver.observation.clocks import FOCAL, OFFSET, POS, READOUT, ROT, SCALE, START, common_time_s
 from pipeline.solver.observation.motion_basis import motion_of
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.uncertainty.covariance import Covariance, motion_band
@@ -33,7 +33,7 @@ from pipeline.solver.uncertainty.redundancy import redundancies
 
 NAMES = (
     "rotation_bias_x_rad", "rotation_bias_y_rad", "rotation_bias_z_rad", "position_bias_east_m",
-    "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s",
+    "position_bias_north_m", "position_bias_up_m", "focal_scale", "offset_s", "frame_rate", "start_s", "readout_s",
 )  # fmt: skip
 
 PLACE_NAMES = ("place_x_px", "place_x_drift_px", "place_y_px", "place_y_drift_px")
@@ -185,13 +185,15 @@ def _bias(problem: Problem, found: Outcome, c: int) -> Bias:
         focal_scale_sigma=scale * float(sigma[FOCAL]),
         start_s=float(state.camera[c, START]),
         start_sigma_s=float(sigma[START]),
+        readout_s=float(state.camera[c, READOUT]),
+        readout_sigma_s=float(sigma[READOUT]),
     )
 
 
 def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, Floats, int]:
     """The table of sightings, squared residuals (F, N) in sigmas, and how many sightings there are."""
     model, state, frames = found.model, found.state, found.observed
-    position = model.basis.position(time, state.coefficients)
+    time_s, position = _exposed(model, state, time)
     residual = residuals_of(frames, slice(None), model, state)
     f, n = np.nonzero(frames.seen)
     sigmas = np.linalg.norm(residual[f, n], axis=-1)
@@ -201,7 +203,7 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, Floats, int]:
         camera=tuple(np.array(frames.cameras, dtype=object)[camera]),
         target=tuple(np.array(frames.targets, dtype=object)[n]),
         frame=frames.frame[f],
-        time_s=time[f],
+        time_s=time_s[f, n],
         residual_px=-residual[f, n] * pixel[f, n][:, None],
         residual_sigma=sigmas,
         weight=model.loss.weight(sigmas**2),
@@ -210,6 +212,17 @@ def _sightings(found: Outcome, time: Floats) -> tuple[Sightings, Floats, int]:
     square = np.zeros(frames.seen.shape)
     square[f, n] = sigmas**2
     return table, square, len(f)
+
+
+def _exposed(model: Model, state: State, time: Floats) -> tuple[Floats, Floats]:
+    """Common time (F, N) at which every target's row is exposed, and where the target is then (F, N, 3)."""
+    rows, basis, targets = model.frames.rows, model.basis, model.frames.seen.shape[1]
+    if rows is None:
+        return np.tile(time[:, None], (1, targets)), basis.position(time, state.coefficients)
+    camera = state.camera[model.frames.camera]
+    time_s = time[:, None] + (camera[:, READOUT] * (1 + camera[:, SCALE]))[:, None] * rows.fraction
+    each = [basis.position(time_s[:, n], state.coefficients)[:, n] for n in range(targets)]
+    return time_s, np.stack(each, axis=1)
 
 
 def _prior_square(model: Model, state: State) -> float:

@@ -11,9 +11,12 @@ from pipeline.records import CameraInput, Problem
 FARTHEST_M, LONGEST_S = 1e8, 1e7
 """Further than any two places on Earth; longer than any flight: four months."""
 SLOWEST_HZ, FASTEST_HZ = 1e-4, 1e6
+LONGEST_READOUT_S = 10.0
 LEAST_PX, MOST_PX = 1e-6, 1e6
 MOST_SIGMA = 1e9
-SIGMAS = ("attitude_bias_rad", "attitude_rad", "position_bias_m", "position_m", "frame_rate", "focal", "start_s")
+SIGMAS = (
+    "attitude_bias_rad", "attitude_rad", "position_bias_m", "position_m", "frame_rate", "focal", "start_s", "readout_s",
+)  # fmt: skip
 
 
 def check_magnitudes(problem: Problem) -> None:
@@ -26,17 +29,10 @@ def check_magnitudes(problem: Problem) -> None:
         _within(f"{name}: positions", camera.poses.position_enu_m, FARTHEST_M, "m")
         _within(f"{name}: attitudes", camera.poses.enu_from_cam, 1.0 + 1e-6, "in a unit quaternion")
         _within(f"{name}: video times", camera.rays.time_s, LONGEST_S, "s")
+        _within(f"{name}: readout_s", np.array([camera.readout_s]), LONGEST_READOUT_S, "s")
         _within(f"{name}: offset_s", np.array([camera.offset_s or 0.0]), LONGEST_S, "s")
         _check_sightings(name, camera)
-        for key in (
-            "attitude_bias_rad",
-            "attitude_rad",
-            "position_bias_m",
-            "position_m",
-            "frame_rate",
-            "focal",
-            "start_s",
-        ):
+        for key in SIGMAS:
             _within(f"{name}: sigma.{key}", np.array([getattr(sigma, key)]), MOST_SIGMA, "")
 
 

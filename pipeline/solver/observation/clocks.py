@@ -13,9 +13,11 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.observation.observations import Frames
 
-ROT, POS, FOCAL, OFFSET, SCALE, START = slice(0, 3), slice(3, 6), 6, 7, 8, 9
-CAMERA_PARAMETERS = 10
-"""Columns of a camera's constant parameters: rotation bias, position bias, log focal scale, offset, scale, start.
+ROT, POS, FOCAL, OFFSET, SCALE, START, READOUT = slice(0, 3), slice(3, 6), 6, 7, 8, 9, 10
+CAMERA_PARAMETERS = 11
+"""Columns of a camera's constant parameters: rotation bias, position bias, log focal scale, offset, scale, start, and
+the rolling shutter's readout (the whole of it, not a correction).
+
 
 Where tracked points may sit elsewhere on their targets than the other cameras see them (`SightRays.place_sigma_px`),
 four more for each target: x constant, x drifting, y constant, y drifting, in pixels.
@@ -85,6 +87,6 @@ def shift_from_given_s(frames: Frames, drift: Drift, camera: Floats, deviation: 
 
 
 def common_time_s(frames: Frames, drift: Drift, camera: Floats, deviation: Floats) -> Floats:
-    """Common time (F,) of every frame, with the cameras' parameters (C, 10) and the knots' deviations (D,)."""
+    """Common time (F,) of every frame, with the cameras' parameters (C, 11) and the knots' deviations (D,)."""
     time = frames.video_s + camera[frames.camera, OFFSET]
     return np.asarray(time + shift_from_given_s(frames, drift, camera, deviation))

@@ -1,9 +1,10 @@
 """Runs of frames of one camera inside one span of the motion and one segment of its clock.
 
-Inside a block everything global acts through few local unknowns: the power series of the targets, and eleven columns
-of the camera, [rotation bias 3, position bias 3, focal, time at u = 0, time per u, pose time at u = 0, per u]. Time
-moves the targets; pose time moves the camera along its log. `local_from_camera` maps the camera's parameters
-[rotation 3, position 3, focal, offset, scale, start, place errors, left and right deviation knot] to these columns.
+Inside a block everything global acts through few local unknowns: the power series of the targets, and twelve columns
+of the camera, [rotation bias 3, position bias 3, focal, time at u = 0, time per u, pose time at u = 0, per u, readout].
+Time moves the targets; pose time moves the camera along its log; the readout of a rolling shutter moves both, each
+sighting by its row. `local_from_camera` maps the camera's parameters [rotation 3, position 3, focal, offset, scale,
+start, readout, place errors, left and right deviation knot] to these columns.
 Place errors (constant and drifting) have a pair of columns each for every target and axis, at u = 0 and per u.
 """
 
@@ -15,15 +16,15 @@ from itertools import pairwise
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, SCALE, START, Drift
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, READOUT, SCALE, START, Drift
 from pipeline.solver.observation.motion_basis import MotionBasis
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.pose_wander import PoseWander
 
 LONGEST = 2048
 """Frames: what a block may hold at most, so that the memory of a pass is bounded."""
-LOCAL_COLUMNS = 11
-BLOCK_PARAMETERS = 12
+LOCAL_COLUMNS = 12
+BLOCK_PARAMETERS = 13
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +34,7 @@ class Blocks:
     begin    (B + 1,) first frame of each; camera, span, segment, cluster (B,)
     u        (F,) time of each frame inside its span, -1 to 1
     half_s   (B,) half the span's length
-    local_from_camera  (B, 11 + P, 12 + P), P place parameters; 12 more, left and right knot, where poses wander
+    local_from_camera  (B, 12 + P, 13 + P), P place parameters; 12 more, left and right knot, where poses wander
     wander   (B,) left knot of each block's pose errors, -1: none; None where no camera's wander
     """
 
@@ -94,7 +95,7 @@ def shortened(begin: Ints) -> Ints:
 def _local_from_camera(
     frames: Frames, drift: Drift, at: Ints, u: Floats, half_s: Floats, camera: Floats, deviation: Floats
 ) -> Floats:
-    """(B, 11, 12): the chain rule dt = d beta + tau ds + sum of hat_j d deviation_j, with tau linear in u."""
+    """(B, 12, 13): the chain rule dt = d beta + tau ds + sum of hat_j d deviation_j, with tau linear in u."""
     rate = 1 + camera[frames.camera[at], SCALE]
     left = drift.segment[at]
     drifting = left >= 0
@@ -109,6 +110,7 @@ def _local_from_camera(
     out[:, range(FOCAL + 1), range(FOCAL + 1)] = 1.0
     out[:, 7, OFFSET] = 1.0
     out[:, 9, START] = 1.0
+    out[:, 11, READOUT] = 1.0
     for zero, linear in ((7, 8), (9, 10)):
         out[:, zero, SCALE], out[:, linear, SCALE] = middle, slope
         if drifting.any():

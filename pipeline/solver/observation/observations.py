@@ -10,7 +10,7 @@ gain = an orthonormal basis of the plane across the ray and depth = 1, so |r| = 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,21 @@ from pipeline.records import CameraInput, Problem
 
 NEAREST_COSINE = 0.05
 """A point further than acos(0.05) from the optical ray is taken as that far: finite, and never attractive."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """Of cameras with a rolling shutter; see `rolling_shutter`.
+
+    fraction  (F, N) where the sighting's row is, -1/2 first to 1/2 last; zero where unseen and without such a shutter
+    rate      (F, 6) rotation vector (camera axes, of cam_from_enu) and velocity of the measured pose, per second
+    turn      (F, N, 3, 3) by which rays and gains stand turned, from the whole frame's instant to the row's; gains of
+              metric residuals are stretched by it as well
+    """
+
+    fraction: Floats
+    rate: Floats
+    turn: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +56,8 @@ class Frames:
     focal_effect  (F, N, 2) see SightRays; without frames where all are (1, 0)
     place_gain    (F, N) what a pixel of place error adds to a residual; share (F,) of the drifting part, -1 to 1
     angular       true: divided by the depth
+    rows          None: no camera has a rolling shutter
+    by_readout    (F, N, 2) derivative of the residuals by the readout; without frames where none is refined
     """
 
     cameras: tuple[str, ...]
@@ -63,6 +80,8 @@ class Frames:
     place_gain: Floats
     place_share: Floats
     angular: bool
+    rows: Rows | None = None
+    by_readout: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
 
     @property
     def count(self) -> int:

@@ -43,14 +43,10 @@ def _without(camera: CameraInput, names: Collection[str]) -> CameraInput | None:
         camera.poses, frame=camera.poses.frame[rows], time_s=camera.poses.time_s[rows],
         position_enu_m=camera.poses.position_enu_m[rows], enu_from_cam=camera.poses.enu_from_cam[rows],
     )  # fmt: skip
-    fewer = replace(
-        rays, targets=left, target=place[rays.target[kept]], frame=rays.frame[kept], time_s=rays.time_s[kept],
-        direction_cam=rays.direction_cam[kept], pixel_from_ray=rays.pixel_from_ray[kept],
-        sigma_px=rays.sigma_px[kept],
-        focal_effect=None if rays.focal_effect is None else rays.focal_effect[kept],
-    )  # fmt: skip
+    fewer = replace(rays.some(kept), targets=left, target=place[rays.target[kept]])
     at = None if camera.poses_at is None else _at_rows(camera.poses_at, rows)
-    return replace(camera, rays=fewer, poses=poses, poses_at=at)
+    rate = None if camera.pose_rate is None else camera.pose_rate[rows]
+    return replace(camera, rays=fewer, poses=poses, poses_at=at, pose_rate=rate)
 
 
 def _at_rows(poses_at: PoseAt, rows: Bools) -> PoseAt:

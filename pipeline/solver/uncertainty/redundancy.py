@@ -20,7 +20,17 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.records import Redundancy
 from pipeline.solver.adjustment.model import Model, State, pose_error
-from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, POS, ROT, SCALE, START, common_time_s
+from pipeline.solver.observation.clocks import (
+    CAMERA_PARAMETERS,
+    FOCAL,
+    OFFSET,
+    POS,
+    READOUT,
+    ROT,
+    SCALE,
+    START,
+    common_time_s,
+)
 from pipeline.solver.observation.residuals import Linearised, linearise
 from pipeline.solver.uncertainty.covariance import Covariance
 
@@ -136,6 +146,8 @@ def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: L
     camera[..., ROT], camera[..., POS], camera[..., FOCAL] = line.by_pose[..., :3], line.by_pose[..., 3:], line.by_focal
     camera[..., OFFSET], camera[..., SCALE] = by_time, log_time * tau[:, None, None]
     camera[..., START] = line.by_pose_time
+    if len(frames.by_readout):
+        camera[..., READOUT] = frames.by_readout[chosen]
     _add_places(camera[..., CAMERA_PARAMETERS:], frames.place_gain[chosen], frames.place_share[chosen])
     columns.append(camera)
     places.append(model.order.camera[frames.camera[chosen]])

@@ -18,6 +18,7 @@ from pipeline.stages.poses.measured import MeasuredPoses
 from pipeline.stages.problem.known import ground_of, landmarks
 from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
 from pipeline.stages.problem.rays import check_inside, sight_rays
+from pipeline.stages.problem.readout import check_readout, rates_of
 from pipeline.telemetry import is_pose_table
 
 
@@ -105,6 +106,7 @@ def camera_input(
     """One camera as solver and matching get it: rays, their poses, and the first guess of its offset."""
     settings = flight.camera(pose.camera)
     base = poses_of(flight, pose, np.unique(rays.frame))
+    check_readout(flight, pose, rays)
     offset, sigma = settings.offset_s, pose.sigma
     reference = next(m for m in measured if m.camera == flight.reference_camera)
     if offset is None and pose.utc_s is not None and reference.utc_s is not None:
@@ -121,6 +123,8 @@ def camera_input(
         still=pose.still,
         mount_ypr_rad=_fixed_mount(settings),
         poses_at=None if pose.poses_at is None else pose.poses_at(base),
+        readout_s=settings.readout_s,
+        pose_rate=None if pose.still else rates_of(pose.poses, base.frame),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.camera import CameraModel, pixel_from_ray, unproject
+from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack, SightRays
@@ -33,8 +34,15 @@ def sight_rays(
         direction_cam=direction[good],
         pixel_from_ray=pixel_from_ray(model, direction[good]),
         sigma_px=sigma[good],
+        row=row_fractions(model, pixel[good]),
     )
     return rays, int((~good).sum())
+
+
+def row_fractions(model: CameraModel, xy_px: Floats) -> Floats | None:
+    """Where rows are in the picture (n,), -1/2 at the first and 1/2 at the last; None where its height is unknown."""
+    height = model.image_size[1]
+    return None if height < 2 else xy_px[:, 1] / (height - 1) - 0.5
 
 
 OUTSIDE = 0.05

@@ -18,6 +18,7 @@ from pipeline.solver.adjustment.elimination import (
 )
 from pipeline.solver.adjustment.log_poses import carry, carry_plain
 from pipeline.solver.adjustment.model import residuals_of
+from pipeline.solver.observation.clocks import READOUT
 from pipeline.solver.observation.observations import metric
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
@@ -64,6 +65,21 @@ def test_twins_with_place_errors(kinds):
         model, state = placed_model(kinds, loss)
         for frames in (model.frames, metric(model.frames)):
             _both(changed(model, frames=frames), state)
+
+
+@pytest.mark.parametrize("pose_rate", [False, True])
+@pytest.mark.parametrize("kinds", [("polynomial",), ("polynomial", "spline")])
+def test_twins_with_rolling_shutters(kinds, pose_rate):
+    _both(*rich_model(kinds, "huber", pose_rate=pose_rate, rolled=True))
+
+
+def test_twins_with_rolling_shutters_and_place_errors():
+    model, state = placed_model(("polynomial", "polynomial"), "huber")
+    free = model.priors.camera_free.copy()
+    free[1, READOUT] = True
+    by_readout = np.random.default_rng(0).normal(size=(*model.frames.seen.shape, 2))
+    frames = changed(model.frames, by_readout=by_readout)
+    _both(model.changed(frames=frames, priors=changed(model.priors, camera_free=free)), state)
 
 
 def _both(model, state):

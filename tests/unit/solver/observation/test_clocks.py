@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.records import SolverSettings
 from pipeline.solver import solve
-from pipeline.solver.observation.clocks import common_time_s, drift_knots
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, common_time_s, drift_knots
 from pipeline.solver.observation.observations import pack
 from pipeline.synthetic.scene import camera_pose
 from pipeline.synthetic.scenes import paper_scene
@@ -32,7 +32,7 @@ def test_common_time_is_the_record_s():
     problem, _ = simulate(paper_scene(), noise=QUIET, seed=0)
     frames = pack(problem)
     drift = drift_knots(frames, {1: 1.0})
-    camera, deviation = np.zeros((2, 10)), 0.02 * np.random.default_rng(0).normal(size=drift.count)
+    camera, deviation = np.zeros((2, CAMERA_PARAMETERS)), 0.02 * np.random.default_rng(0).normal(size=drift.count)
     camera[1, 7:9] = 0.4, 0.01
     from pipeline.records import Clock
 
