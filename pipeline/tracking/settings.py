@@ -75,33 +75,58 @@ class SlideSettings:
     """When a track counts as slid onto the scene.
 
     longest_s       how far back is looked; less, and slow targets cannot be judged
-    first_s, fewest seconds and frames from which a velocity is known
+    first_s, fewest, sure_s  seconds and frames from which a velocity is known; seconds where the way is short
     least_way_px, least_way_sizes  that the target should have gone for a judgement; halved, parallax and jitter decide
-    goes_on, slid   share of the expected way above which a place was certain, below which it is suspicious
+    keeps_on, goes_on, slid  share of the expected way above which a new velocity is believed, above which a place was
+                    certain, below which it is suspicious
     believe         share of a new velocity that is believed; doubled, a slide is learned before it is seen
     frames, doubtful_frames  in a row that must look slid; where only a doubtful look speaks beside the standing still
-    stop_frames     of standing still, never seen in the scene before, after which the target stopped
-    apart_sizes     that an earlier frame must hold target and scene apart
-    least_scene, margin  correlation with the scene that proves it, and by how much it must beat the target's
+    stop_frames     of standing still after which a target was seen to stop, or is lost
+    apart_sizes, apart_px, apart_enough_sizes  by which an earlier frame must hold target and scene apart, at least;
+                    more than the last tells no better
+    telling_px, beside_sizes  size of a target below which standing still in doubt is enough, and the scene around it is
+                    searched so far for what is there now, as parallax moves it by a part of its size
+    past_every_sizes, past_reach_sizes, past_reach_px, pasts  way over the ground between pictures that are kept for
+                    that, what they hold on each side, at least, how many (the first among them); halved, slow targets
+                    are not told apart
+    least_scene, least_target, margin, slow_margin  correlation with the scene, with the target, that proves it; by how
+                    much it must beat the other where the track stands still, and where it has slowed down
+    as_before       correlation with an earlier picture of a target that never left its place, above which it stood
+                    there all the time; at 0.7 a tree beside it passes for it
+    seen_going_px   way over the ground after a long loss, as the target would have gone, that proves a small one
     kept_sizes      how far from the course of a certain target places may lie that are kept where it is lost later
     inner, sampled, finest_px, reach_sizes  the compared part of the box, samples on a side, their least distance, and
-                    how far parallax may have moved the scene
+                    how far off a thing may lie from where it was
     """
 
     longest_s: float = 2.5
     first_s: float = 0.4
     fewest: int = 3
+    sure_s: float = 1.0
     least_way_px: float = 3.0
     least_way_sizes: float = 0.3
+    keeps_on: float = 0.8
     goes_on: float = 0.6
     slid: float = 0.35
     believe: float = 0.15
     frames: int = 2
     doubtful_frames: int = 3
     stop_frames: int = 6
-    apart_sizes: float = 0.5
+    apart_sizes: float = 0.25
+    apart_px: float = 1.5
+    beside_sizes: float = 0.5
+    telling_px: float = 24.0
+    apart_enough_sizes: float = 1.5
+    past_every_sizes: float = 0.7
+    past_reach_sizes: float = 4.0
+    past_reach_px: float = 120.0
+    pasts: int = 5
     least_scene: float = 0.5
+    least_target: float = 0.6
     margin: float = 0.05
+    slow_margin: float = 0.15
+    as_before: float = 0.85
+    seen_going_px: float = 6.0
     kept_sizes: float = 0.2
     inner: float = 0.85
     sampled: float = 20.0

@@ -4,7 +4,7 @@ surface   `follow`: a point of the target to a fraction of a pixel, as long as t
 box       `box_tracker`: the middle of the whole target to a tenth of its side; it speaks where the
           surface does not
 parted    where the two part, the one whose look had become doubtful before is to blame: the surface point is lost, or
-          the box starts again
+          the box starts again; of a target that does not keep its look it is always the surface point
 slide     whatever is followed and begins to move as the scene does, and was seen in the scene before, is lost since it
           was last certain (`slide`); what had been handed on since then is taken back
 """
@@ -18,7 +18,7 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats
 from pipeline.records import Box
 from pipeline.tracking.following.follow import begin, carry, follow, hide
-from pipeline.tracking.presence.slide import Trail, carried_trail, extended, first_trail, has_slid, stopped
+from pipeline.tracking.presence.slide import Trail, carried_trail, extended, first_trail, has_slid, is_other, proved
 from pipeline.tracking.records import changed
 from pipeline.tracking.scene.background import Scene
 from pipeline.tracking.settings import BOX_TRACKER, INSTANT_S, SLIDE, WATCH, TrackingSettings
@@ -150,7 +150,7 @@ def _of_late(trail: Trail, scene: Scene) -> Bools:
 def _cut(trail: Trail, kept: Bools) -> Trail:
     return changed(
         trail, frame=trail.frame[kept], time_s=trail.time_s[kept], own_px=trail.own_px[kept],
-        ground_px=trail.ground_px[kept], by_box=trail.by_box[kept], suspicious=0,
+        ground_px=trail.ground_px[kept], by_box=trail.by_box[kept], suspicious=0, slow=0,
     )  # fmt: skip
 
 
@@ -176,7 +176,13 @@ def _surface(watched: Watched, scene: Scene, settings: TrackingSettings) -> tupl
             covariance=np.diag([(BOX_TRACKER.sigma_share * size) ** 2, watched.course.covariance[1, 1]]),
         )  # fmt: skip
         surface = changed(surface, course=course)
+    before = surface
     surface, fixes = follow(surface, scene, settings)
+    if watched.lost and fixes and before.doubt is not None:
+        size_px, was = np.array(surface.template.size_px) * surface.scale, before.doubt.otherwise
+        way_px = float(np.hypot(*before.doubt.expected_px))
+        if is_other(watched.trail, scene, size_px, np.array(fixes[-1].xy_px), was.lost_s, way_px):
+            return changed(watched, surface=carry(was, scene)), ()
     doubtful = bool(fixes) and fixes[-1].score < surface.usual[0] - WATCH.score_drop
     return changed(watched, surface=surface, doubted=scene.frame if doubtful else watched.doubted), fixes
 
@@ -228,7 +234,8 @@ def _weighed(
         offset = watched.offset_px + share * (off - watched.offset_px)
         both = changed(watched, agreed=scene.frame, offset_px=offset, together=True)
         return _went(both, scene, here), Seen(fixes=fixes)
-    if watched.together and abs(scene.frame - watched.doubted) > WATCH.memory_frames:
+    sure = watched.together and abs(scene.frame - watched.doubted) > WATCH.memory_frames
+    if sure and watched.surface.usual[0] > WATCH.rigid_score:
         started = start_box(scene.pixels, np.array(here.xy_px), box.size_px, scene.time_s)
         return _went(changed(watched, box=started, offset_px=np.zeros(2)), scene, here), Seen(fixes=fixes)
     since = [int(f) for f in watched.trail.frame if abs(f - scene.frame) < abs(watched.agreed - scene.frame)]
@@ -253,12 +260,13 @@ def _slid(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
     trail = watched.trail
     if not len(trail.frame):
         return watched, seen
-    proved = watched.returned is None or abs(scene.frame - trail.certain) <= abs(scene.frame - watched.returned)
-    watched = changed(watched, returned=None) if proved else watched
-    box_alone = not watched.together or not proved
+    back = watched.returned is None or abs(scene.frame - trail.certain) <= abs(scene.frame - watched.returned)
+    watched = changed(watched, returned=None) if back else watched
+    box_alone = not watched.together or not back
     doubtful = box_alone or abs(scene.frame - watched.doubted) < abs(scene.frame - trail.certain)
-    if trail.frame[-1] != scene.frame or not has_slid(trail, scene, watched.size_px, doubtful):
-        return changed(watched, trail=stopped(trail)), seen
+    slid = has_slid(trail, scene, watched.size_px, doubtful) if trail.frame[-1] == scene.frame else None
+    if not slid:
+        return (changed(watched, trail=proved(trail)) if slid is False else watched), seen
     size = float(np.sqrt(watched.size_px.prod()))
     sure = np.abs(scene.frame - trail.frame) >= abs(scene.frame - trail.certain)
     if sure.any():
@@ -267,12 +275,12 @@ def _slid(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
         expected = trail.ground_px[certain] + trail.velocity * dt_s[:, None]
         off = np.where(sure, 0.0, np.hypot(*(trail.ground_px - expected).T))
         strayed = np.maximum.accumulate(off) > SLIDE.kept_sizes * size
-        bad = (~sure & (strayed | (not proved))) | (trail.by_box & (~sure | _of_late(trail, scene)))
+        bad = (~sure & (strayed | (not back))) | (trail.by_box & (~sure | _of_late(trail, scene)))
         place, lost_s = expected[-1], float(dt_s[-1])
     else:
         bad, place, lost_s = ~sure, watched.safe.course.position_px, watched.safe.lost_s
     taken = tuple(int(f) for f in trail.frame[bad])
-    if not proved and watched.returned is not None:
+    if not back and watched.returned is not None:
         first, last = sorted((watched.returned, scene.frame))
         taken = tuple(range(first, last + 1))
     course = changed(

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
-from pipeline.tracking.presence.slide import Trail, carried_trail, extended, first_trail, has_slid, stopped
+from pipeline.tracking.presence.slide import (
+    Trail,
+    carried_trail,
+    extended,
+    first_trail,
+    has_slid,
+    proved,
+    scene_or_target,
+)
 from pipeline.tracking.scene.background import Keyframe, Scene
+from pipeline.tracking.settings import SLIDE
 
 RATE_HZ, SPEED_PX, SIZE = 10.0, 4.0, np.array([24.0, 16.0])
+ASIDE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 6.0], [0.0, 0.0, 1.0]])
 PAN = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])  # the background, from frame to frame
 
 
@@ -71,19 +83,55 @@ def test_a_track_that_stands_on_the_ground_has_slid(ground) -> None:
 
 
 def test_a_target_that_stops_has_not_slid(ground) -> None:
-    trail, _, told = followed(ground, stays=True)
+    trail, _, told = followed(ground, stays=True, frames=24)
     assert not any(told)
+    assert told[-1] is False
     assert trail.suspicious >= 3
-    assert stopped(trail).suspicious in (0, trail.suspicious)
+    rested = proved(trail)
+    assert rested.certain == trail.frame[-1]
+    assert np.hypot(*rested.velocity) < 0.8 * np.hypot(*trail.velocity)
+
+
+def blind(trail: Trail, scene: Scene) -> tuple[Trail, Scene]:
+    """The same where no earlier picture is left to compare with."""
+    return replace(trail, pasts=()), replace(scene, keys=())
 
 
 def test_where_nothing_else_tells_a_doubtful_look_decides(ground) -> None:
-    trail, scene, _ = followed(ground, stays=True)
-    blind = Scene(
-        frame=scene.frame, time_s=scene.time_s, pixels=scene.pixels, dt_s=scene.dt_s, cur_from_prev=PAN, keys=()
-    )
-    assert has_slid(trail, blind, SIZE, doubtful=True)
-    assert not has_slid(trail, blind, SIZE, doubtful=False)
+    trail, scene, _ = followed(ground, stays=True, slides_at=15)
+    trail, scene = blind(trail, scene)
+    assert trail.suspicious < SLIDE.stop_frames
+    assert has_slid(trail, scene, SIZE, doubtful=True)
+    assert not has_slid(trail, scene, SIZE, doubtful=False)
+
+
+def test_a_small_target_that_nothing_tells_from_the_scene_is_lost(ground) -> None:
+    trail, scene = blind(*followed(ground, stays=True, frames=24)[:2])
+    assert trail.suspicious >= SLIDE.stop_frames
+    assert has_slid(trail, scene, SIZE, doubtful=False)
+    assert has_slid(trail, scene, 2.0 * SIZE, doubtful=False) is False
+
+
+def test_a_slide_after_its_first_half_second_is_seen_in_the_first_picture(ground) -> None:
+    """What slid so soon was never a whole target's length away from the scene in any of the scene's own frames."""
+    trail, scene, told = followed(ground, stays=False, slides_at=8, frames=34)
+    assert any(told[8:])
+    assert not any(told[:8])
+    assert len(trail.pasts) >= 2
+    assert trail.pasts[0].frame == 1
+    alone = scene_or_target(trail, replace(scene, keys=()), SIZE, trail.own_px[-1])
+    assert alone is not None
+    assert alone[0] > alone[1] + SLIDE.margin
+
+
+def test_parallax_does_not_hide_where_the_scene_was_before(ground) -> None:
+    """A tree that is nearer than the ground is not where the ground's motion leads; it is found beside that."""
+    trail, scene, _ = followed(ground, stays=False)
+    pasts = tuple(replace(p, cur_from_past=ASIDE @ p.cur_from_past) for p in trail.pasts)
+    off, scene = replace(trail, pasts=pasts), replace(scene, keys=())
+    told = scene_or_target(off, scene, SIZE, off.own_px[-1])
+    assert told is not None
+    assert told[0] > told[1] + SLIDE.margin
 
 
 def slowing(ground: np.ndarray, by_box: bool) -> Trail:
@@ -100,8 +148,9 @@ def slowing(ground: np.ndarray, by_box: bool) -> Trail:
     return trail
 
 
-def test_a_box_that_comes_to_rest_little_by_little_is_no_target_that_slows_down(ground) -> None:
-    alone, surface = slowing(ground, by_box=True), slowing(ground, by_box=False)
-    assert alone.certain < 20
-    assert alone.suspicious > 2
-    assert np.hypot(*surface.velocity) < 0.8 * np.hypot(*alone.velocity)
+@pytest.mark.parametrize("by_box", [True, False])
+def test_what_comes_to_rest_little_by_little_is_not_believed_to_slow_down(ground, by_box) -> None:
+    trail = slowing(ground, by_box)
+    assert trail.certain < 20
+    assert trail.slow > SLIDE.stop_frames
+    np.testing.assert_allclose(trail.velocity, [4.0 * RATE_HZ, 0.0], rtol=0.15)
