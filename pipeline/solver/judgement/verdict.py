@@ -86,6 +86,8 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         if any(reason.kind == "rolling-shutter" for reason in doubts):
             shutters = []
         reasons = [*against, *doubts, *shutters, *reasons, *_depths(depths)]
+    elif solution.method == "map":
+        reasons = [_no_sigmas(), *reasons]
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths, corrections=taken)
 
@@ -346,6 +348,16 @@ def _convergence(solution: Solution) -> list[Reason]:
             figure=float(solution.iterations), measure="iterations",
         )
     ]  # fmt: skip
+
+
+def _no_sigmas() -> Reason:
+    return Reason(
+        kind="undetermined", subject="", grade="bad",
+        words="the sightings leave something open: the normal equations have no inverse, so that no sigma is known and "
+        "no test could be made",
+        advice="use cameras that stand farther apart, smaller sigmas where they are true, or on_ground with "
+        "[ground]",
+    )  # fmt: skip
 
 
 def _offsets(solution: Solution) -> list[Reason]:

@@ -194,7 +194,10 @@ def without(frames: Frames, whole: Frames, hidden: Bools) -> Frames:
 
 
 def left_out(whole: Frames, frames: Frames, told: Bools | None = None) -> tuple[Finding, ...]:
-    """A finding for every camera of whose sightings some, but for those `told` (F, N) already, were never used."""
+    """A finding for every camera of whose sightings some, but for those `told` (F, N) already, were never used.
+
+    Where they are most of what the camera saw, it is `left-out`; few cost the answer nothing but its ends.
+    """
     if frames is whole:
         return ()
     missing = whole.seen & ~frames.seen if told is None else whole.seen & ~frames.seen & ~told
@@ -205,7 +208,7 @@ def left_out(whole: Frames, frames: Frames, told: Bools | None = None) -> tuple[
         if count:
             out.append(
                 Finding(
-                    kind="left-out",
+                    kind="left-out" if 2 * count > whole.seen[part].sum() else "seen-by-one",
                     subject=name,
                     words=f"{count} sightings of {name} are left out: no other camera sees the target then, and its "
                     f"motion before and after would pass behind {name} or through it",

@@ -2,8 +2,9 @@
 
 There a spline's distance is held by its prior alone. The adjustment then draws it towards the camera, where the prior
 costs least, by a hundred metres and more, and the sigma of what is linearised there is small. So a spline is adjusted
-to the sightings that another camera's are near to, its trajectory ends where these end, and that is said. A polynomial
-of few orders is known there by what it does elsewhere and takes all sightings.
+to the sightings that another camera's are near to, its trajectory ends where these end, and that is said. The same goes
+for a polynomial whose order was found, above the first. What stands still or goes straight is known there by what it
+does elsewhere and takes all sightings, and so does what was given an order.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ class Lone:
     frames: Frames
     sighting: Bools
 
-    def without(self, frames: Frames, splines: Collection[int]) -> Frames:
-        """`frames` with the lone sightings of `splines` hidden, and those of the other targets back."""
-        own = np.isin(np.arange(self.sighting.shape[1]), list(splines))
+    def without(self, frames: Frames, unsure: Collection[int]) -> Frames:
+        """`frames` with the lone sightings of targets `unsure` hidden, and those of the others back."""
+        own = np.isin(np.arange(self.sighting.shape[1]), list(unsure))
         return without(frames, self.frames, self.sighting & own)
 
     @property

@@ -33,13 +33,17 @@ from pipeline.solver.methods.lone_stretches import Lone
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import common_time_s
 
-HIGHEST, TRIED, PROJECTED = 5, 7, 16
-"""Highest order taken; order from which orders are lowered; Legendre degree to which a spline's path is looked at."""
+HIGHEST, TRIED, PROJECTED = 5, (7, 5, 3), 16
+"""Highest order taken; orders from which orders are lowered, the next where few sightings leave the one before
+undetermined; Legendre degree to which a spline's path is looked at."""
 CHANCE, SCREENED = 0.01, 1e-4
 """Chance at which a true order would be rejected, and a target be left a spline without trying."""
 MOST_LONE, DEAR = 2, 40.0
 """Highest order of a target that one camera alone sees: more it cannot tell from its own flight; and what an order must
 take off chi-square, since along its rays such a target moves for nothing."""
+MOST_SURE = 1
+"""Highest order that was found and is still believed where one camera alone sees the target. A polynomial of higher
+order is a likeness of what two saw; beyond that it goes its own way: 250 m off in 5 s, at 22 m claimed."""
 Descend = Callable[[Model, State], Fit]
 
 
@@ -169,11 +173,14 @@ def _unit(fit: Fit) -> float:
 def _lowered(
     choice: MotionChoice, starts: Sequence[Fit], tried: Sequence[int], descend: Descend, alone: Lone
 ) -> _Lowered | None:
-    """Orders of the targets `tried`, lowered from `TRIED` as far as the data let them."""
-    orders = {n: _highest(starts[0], n) for n in tried}
-    raised = min((_adjusted(choice, start, orders, descend, alone) for start in starts), key=lambda fit: fit.cost)
-    factor = factorise(raised.linear.system)
-    if factor is None or raised.status == "stalled":
+    """Orders of the targets `tried`, lowered as far as the data let them from the first `TRIED` that they determine."""
+    for most in TRIED:
+        orders = {n: min(_highest(starts[0], n), most) for n in tried}
+        raised = min((_adjusted(choice, start, orders, descend, alone) for start in starts), key=lambda fit: fit.cost)
+        factor = factorise(raised.linear.system)
+        if factor is not None and raised.status != "stalled":
+            break
+    else:
         return None
     model, covariance = raised.model, factor.corner_covariance() * _unit(raised)
     begin = dict(orders)
@@ -212,14 +219,15 @@ def _highest(fit: Fit, target: int) -> int:
     t = basis.targets[target]
     share = float(np.ptp(t.knots_s) / np.ptp(basis.grid_s))
     sightings = int(frames.seen[:, target].sum())
-    allowed = TRIED if share > 0.3 else HIGHEST if share > 0.1 else 2
+    allowed = TRIED[0] if share > 0.3 else HIGHEST if share > 0.1 else 2
     return max(0, min(allowed, (2 * sightings) // 6 - 1))
 
 
 def _adjusted(choice: MotionChoice, fit: Fit, orders: dict[int, int], descend: Descend, alone: Lone) -> Fit:
     """The adjustment with polynomials of these orders."""
     wanted = with_orders(choice, orders)
-    shown = alone.without(fit.model.frames, [n for n, kind in enumerate(wanted.kinds) if kind == "spline"])
+    unsure = [n for n, kind in enumerate(wanted.kinds) if kind == "spline" or orders.get(n, 0) > MOST_SURE]
+    shown = alone.without(fit.model.frames, unsure)
     time = common_time_s(fit.model.frames, fit.model.drift, fit.state.camera, fit.state.deviation)
     model, state = with_basis(fit.model.changed(frames=shown), fit.state, basis_at(shown, wanted, time))
     found = descend(model, state)

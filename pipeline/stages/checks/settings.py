@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.flight import CameraSettings, Flight, MountSettings
+from pipeline.flight import AUTO, CAMERA_EVENT, CameraSettings, Flight, MountSettings
 from pipeline.geometry.geodesy import Geodetic, enu_from_geodetic
 from pipeline.stages.checks.doubt import Doubt
 from pipeline.stages.inputs.sources import Sources
-from pipeline.telemetry import FlightLog, PoseTable, first_position
+from pipeline.telemetry import FlightLog, PoseTable, first_position, resolve_start
 
 FAR_M = 50_000.0
 """From the origin to a camera: no flight is so long, and an exchanged place is farther."""
@@ -21,12 +21,17 @@ digits or more. Of angles that mean what they say, one in 40 comes so near by ch
 LEAST_RADIANS = 0.01
 """An angle below it is next to nothing in either unit."""
 
+BURST_S, BESIDE_S, MEANT_S = 5.0, 10.0, 0.2
+"""Of a log's camera events one without another so long before it begins a recording; a `start` this near to it means
+it, and one that is farther from it than `MEANT_S` is not it. Of typed times the usual mistakes are whole seconds."""
+
 
 def setting_doubts(flight: Flight, sources: Sources) -> list[Doubt]:
     """Doubts about the settings of a flight, and about what its logs make of them."""
     found = [doubt for camera in flight.cameras for doubt in _radians(flight, camera)]
     for name, log in sources.logs.items():
-        found += _mount_missing(flight, flight.camera(name), log) + _origin(flight, name, log)
+        camera = flight.camera(name)
+        found += _mount_missing(flight, camera, log) + _origin(flight, name, log) + _beside_event(flight, camera, log)
     return found + _datums(flight, sources.logs) + _one_table(flight, sources.tables)
 
 
@@ -51,6 +56,31 @@ def _radians(flight: Flight, camera: CameraSettings) -> list[Doubt]:
                 )
             )
     return found
+
+
+def _beside_event(flight: Flight, camera: CameraSettings, log: FlightLog) -> list[Doubt]:
+    """A start that is typed, and the log's own camera event seconds beside it."""
+    event, where = log.camera_event_s, flight.key(camera.name, "start")
+    if camera.start in (None, AUTO, CAMERA_EVENT) or not len(event):
+        return []
+    assert camera.start is not None
+    start = resolve_start(log, camera.start, where=where)
+    begins = event[np.diff(event, prepend=-np.inf) > BURST_S]
+    away = float(start - begins[np.abs(begins - start).argmin()])
+    allowed = max(MEANT_S, 3 * math.hypot(log.camera_event_sigma_s, camera.sigma.get("start_s", 0.0)))
+    if np.abs(event - start).min() <= allowed or abs(away) > BESIDE_S:
+        return []
+    return [
+        Doubt(
+            kind="start-beside-event",
+            subject=(camera.name,),
+            where=where,
+            seen=f"{abs(away):.2f} s {'after' if away > 0 else 'before'} the camera event that {log.path.name} has of "
+            f"that moment ({log.camera_event_source})",
+            expected="the moment of frame 0",
+            advice='write start = "camera-event", or sigma.start_s with how well the start is known',
+        )
+    ]
 
 
 def _whole_as_radians(angle: float) -> bool:

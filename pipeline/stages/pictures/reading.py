@@ -38,10 +38,12 @@ def with_pictures(
         progress("pictures", done, len(cameras))
         own = [m for m in wanted if m.camera == camera.name]
         try:
-            found, left, dropped = _of_video(camera, own, boxes, left, settings)
+            share = left / (len(cameras) - done)  # what one does not use is the others'
+            found, unspent, dropped = _of_video(camera, own, boxes, share, settings)
         except RunningFixError as error:
             notes.append(f"The video of {camera.name} could not be read again: {error.seen}.")
             continue
+        left += unspent - share
         taken += found
         if dropped:
             left_out = "1 moment" if dropped == 1 else f"{dropped} moments"

@@ -28,6 +28,14 @@ def test_a_flight_whose_claims_are_true_is_good(seed: int) -> None:
     assert not verdict.reasons
 
 
+def test_an_answer_without_sigmas_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["pipeline.solver.methods.map_estimation"], "factorise", lambda _: None)
+    verdict = solved(mistaken.right_flight(0)).verdict
+    assert verdict.grade == "bad"
+    assert verdict.reasons[0].kind == "undetermined"
+    assert "no sigma is known" in verdict.reasons[0].words
+
+
 def test_chi_square_is_what_was_expected() -> None:
     z = []
     for seed in range(8):

@@ -20,8 +20,8 @@ FROM, UNTIL = 1.0, 3.0
 """Seconds of its video within which uav2 sees its targets at all."""
 
 
-def partly_seen(motion: str) -> Problem:
-    problem, _ = simulate(paper_scene(order=1, targets=2, given_offset_s=0.5), noise=PAPER_LOW, seed=3)
+def partly_seen(motion: str, order: int = 1) -> Problem:
+    problem, _ = simulate(paper_scene(order=order, targets=2, given_offset_s=0.5), noise=PAPER_LOW, seed=3)
     camera = problem.cameras[1]
     rays = camera.rays
     kept = (rays.time_s >= FROM) & (rays.time_s < UNTIL)
@@ -36,6 +36,13 @@ def partly_seen(motion: str) -> Problem:
     )  # fmt: skip
     targets = tuple(TargetInput(target=t.target, motion=motion) for t in problem.targets)  # type: ignore[arg-type]
     return replace(problem, cameras=(problem.cameras[0], replace(camera, rays=fewer, poses=poses)), targets=targets)
+
+
+def test_a_curve_that_was_found_ends_where_two_cameras_see_it():
+    solution = solve(partly_seen("auto", order=2), SolverSettings())
+    assert all(m.kind == "spline" or m.degree > 1 for m in solution.motions)
+    assert max(m.end_s for m in solution.motions) < UNTIL + 0.5 + REACH_S
+    assert [r.grade for r in solution.verdict.reasons if r.kind == "seen-by-one"] == ["good"]
 
 
 def test_sightings_far_from_any_other_camera_s_are_lone():

@@ -152,6 +152,29 @@ def test_a_gimbal_in_the_log_and_no_mount(tmp_path, log):
         assert setting_doubts(flight(tmp_path, a=mount), with_log(log)) == []
 
 
+@pytest.mark.parametrize(
+    ("start", "events", "doubted"),
+    [
+        ("start = 106.0", [105.0], True),
+        ("start = 104.0", [105.0], True),
+        ("start = 105.1", [105.0], False),
+        ("start = 106.0\nsigma.start_s = 0.5", [105.0], False),
+        ("start = 125.0", [105.0], False),
+        ('start = "camera-event"', [105.0], False),
+        ("start = 106.0", [], False),
+        ("start = 106.0", [104.0, 105.0, 106.0, 107.0], False),
+        ("start = 103.0", [104.0, 105.0, 106.0, 107.0], True),
+    ],
+    ids=("late", "early", "as meant", "told", "another", "the event", "none", "each frame", "before each frame"),
+)
+def test_a_start_beside_the_logs_camera_event(tmp_path, log, start, events, doubted):
+    log = replace(log, camera_event_s=np.array(events), camera_event_source="CAMERA_TRIGGER")
+    found = setting_doubts(flight(tmp_path, a=f'mount = "gimbal"\n{start}'), with_log(log))
+    assert kinds(found) == ["start-beside-event"] * doubted
+    if doubted:
+        assert f"1.00 s {'before' if '4.0' in start or '3.0' in start else 'after'} the camera event" in found[0].seen
+
+
 def test_an_origin_elsewhere_and_one_exchanged(tmp_path, log):
     position = log.position
     lat, lon = (float(np.degrees(v[position.valid][0])) for v in (position.lat_rad, position.lon_rad))

@@ -134,6 +134,16 @@ def test_moments_deep_in_a_video_are_left_out_and_said(tmp_path):
     assert len(with_pictures(flight_of(tmp_path), results_of(30), settings=none).pictures) == 2
 
 
+def test_every_camera_has_its_share_of_what_may_be_decoded(tmp_path):
+    for name in ("uav1", "uav2"):
+        encoded(written(tmp_path / "all.avi", panning(30)), tmp_path / f"{name}.avi", "-g", "30")
+    for frames, shown in ((12, {"uav1"}), (11, set())):
+        enough = dataclasses.replace(SETTINGS, decoded_px=2 * frames * 160 * 120)
+        found = with_pictures(flight_of(tmp_path), results_of(30, from_frame=12), settings=enough)
+        assert ("uav1" in {p.camera for p in found.pictures}) == ("uav1" in shown)
+        assert "uav2" in {p.camera for p in found.pictures}
+
+
 def index_of(entry: list[int], *, seekable: bool = True) -> FrameIndex:
     return FrameIndex(stamp_s=np.arange(len(entry)) / 25, entry=np.array(entry), hidden=0, seekable=seekable)
 
