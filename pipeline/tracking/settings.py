@@ -150,7 +150,7 @@ class WatchSettings:
                    given as the target for a few frames
     held_s         how long a hidden surface point counts as lost while the box holds the target, at most
     search_every   frames between searches for it then
-    least_dim      likeness of a box down to which it is held for `blind_s`, without a fix, for what passes by
+    least_dim      likeness down to which the box of a target that changes its look is held for `blind_s`, without a fix
     blind_s        for which frames may be damaged until a target counts as hidden; doubled, it is looked for too close
                    to where it was
     """

@@ -61,6 +61,11 @@ class Watched:
     blind_s: float = 0.0
 
     @property
+    def keeps_look(self) -> bool:
+        """Whether it looks as a car does from frame to frame, not as a body that moves."""
+        return bool(self.surface.usual[0] > WATCH.rigid_score)
+
+    @property
     def size_px(self) -> Floats:
         """(2,) sides of the target now, as far as that is known."""
         if self.surface.hidden and self.box is not None:
@@ -199,14 +204,14 @@ def _box(watched: Watched, here: Fix | None, scene: Scene) -> tuple[Watched, boo
         return changed(watched, box=started, course=course, offset_px=np.zeros(2), agreed=scene.frame), False
     settled = here is not None and watched.doubted != scene.frame and watched.together
     expected = np.array(here.xy_px) + watched.offset_px if here is not None and settled else course.position_px
-    rigid = not watched.surface.new and watched.surface.usual[0] > WATCH.rigid_score
+    rigid = not watched.surface.new and watched.keeps_look
     every_s = BOX_TRACKER.every_rigid_s if rigid else BOX_TRACKER.every_s
     if settled and abs(scene.time_s - box.time_s) < every_s - 0.5 * scene.dt_s - INSTANT_S:
         moved_on = corrected(course, expected, BOX_TRACKER.sigma_share * box.size)
         return changed(watched, box=changed(box, centre_px=expected), course=moved_on), False
     found = look_box(box, scene.pixels, expected, scene.time_s)
     if found is None or found.likeness < BOX_TRACKER.least_likeness:
-        dim = found is not None and found.likeness > WATCH.least_dim
+        dim = found is not None and found.likeness > WATCH.least_dim and not watched.keeps_look
         if found is None or not dim or abs(scene.time_s - box.time_s) > WATCH.blind_s + INSTANT_S:
             return changed(watched, box=None), False
         held = changed(found, look=box.look, time_s=box.time_s)  # says nothing, and learns nothing of what it holds
@@ -239,7 +244,7 @@ def _weighed(
         both = changed(watched, agreed=scene.frame, offset_px=offset, together=True)
         return _went(both, scene, here), Seen(fixes=fixes)
     sure = watched.together and abs(scene.frame - watched.doubted) > WATCH.memory_frames
-    if sure and watched.surface.usual[0] > WATCH.rigid_score:
+    if sure and watched.keeps_look:
         started = start_box(scene.pixels, np.array(here.xy_px), box.size_px, scene.time_s)
         return _went(changed(watched, box=started, offset_px=np.zeros(2)), scene, here), Seen(fixes=fixes)
     since = [int(f) for f in watched.trail.frame if abs(f - scene.frame) < abs(watched.agreed - scene.frame)]

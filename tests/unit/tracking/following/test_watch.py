@@ -88,7 +88,7 @@ def test_a_box_that_looks_dim_for_a_moment_is_held_and_says_nothing(monkeypatch,
     alone, _ = watching.begin_watch(scene, box, settings, None)
     alone = changed(
         alone,
-        surface=hide(alone.surface, 1.0),
+        surface=changed(hide(alone.surface, 1.0), usual=np.array([0.85, 0.9])),
         together=False,
         trail=changed(alone.trail, velocity=np.array([5.0, 0.0])),
     )
