@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import Finding, Problem
@@ -146,7 +146,7 @@ def _beyond(fit: Fit, targets: Sequence[int]) -> dict[int, float]:
         covariance = columns.T @ factor.solve(columns)
         flat = value.T.ravel()
         square = float(flat @ np.linalg.lstsq(covariance, flat, rcond=1e-12)[0])
-        out[n] = float(chi2.sf(square / _unit(fit), len(flat)))
+        out[n] = float(chdtrc(len(flat), square / _unit(fit)))
     return out
 
 
@@ -206,7 +206,7 @@ def _lowered(
             break
         n = min(lower, key=lambda m: (lower[m], model.basis.targets[m].target))
         dropped = sum(begin[m] - orders[m] for m in tried) + 1
-        if lower[n] > chi2.isf(CHANCE, 3) or spent + lower[n] > chi2.isf(CHANCE, 3 * dropped):
+        if lower[n] > chdtri(3, CHANCE) or spent + lower[n] > chdtri(3 * dropped, CHANCE):
             break
         orders[n] -= 1
         spent += lower[n]
@@ -250,7 +250,7 @@ def _held(
         return {}
     saved = redundancy_left(fit) - redundancy_left(splines)
     worse = 2 * (data_cost(fit) - data_cost(splines)) / _unit(splines)
-    if worse <= chi2.isf(CHANCE, max(saved, 3.0)):
+    if worse <= chdtri(max(saved, 3.0), CHANCE):
         return with_orders(choice, orders), fit
     minded = _squares(fit) - _squares(splines)
     return {n: -float(minded[n]) for n in orders}
