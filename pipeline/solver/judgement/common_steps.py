@@ -17,10 +17,11 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global, part_of
 from pipeline.solver.adjustment.banded_system import Factor
-from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.elimination import At, block_normals
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.judgement.pose_sequences import Part, Sequence
 from pipeline.solver.judgement.prior_tests import log10_chance
+from pipeline.solver.observation.frame_blocks import Blocks
 
 PLACES = 40
 """Places at which a step is looked for, in each camera; twice as many find better what splines follow at once."""
@@ -32,13 +33,14 @@ def common_steps(model: Model, state: State, factor: Factor) -> tuple[Sequence, 
     """The likeliest step of every camera; none without splines, or with a single target."""
     if len(model.basis.targets) < 2 or not any(t.kind == "spline" for t in model.basis.targets):
         return ()
-    found = (_of_camera(model, state, factor, c) for c in range(len(model.frames.cameras)))
+    blocks, at = blocks_at(model, state)
+    found = (_of_camera(model, factor, blocks, at, c) for c in range(len(model.frames.cameras)))
     return tuple(one for one in found if one is not None)
 
 
-def _of_camera(model: Model, state: State, factor: Factor, c: int) -> Sequence | None:
+def _of_camera(model: Model, factor: Factor, blocks: Blocks, at: At, c: int) -> Sequence | None:
     frames = model.frames
-    begin, sums = _from_the_end(model, state, c)
+    begin, sums = _from_the_end(model, blocks, at, c)
     mine = frames.of(c)
     margin = 0.04 * (mine.stop - mine.start)
     inside = np.flatnonzero((begin > mine.start + margin) & (begin < mine.stop - margin))
@@ -54,18 +56,18 @@ def _of_camera(model: Model, state: State, factor: Factor, c: int) -> Sequence |
         square = [
             _square(g[half], v[half, half], n[half, half]) for g, v, n in zip(gradient, rest, normal, strict=True)
         ]
-        at = int(np.argmax(square))
-        if best is None or square[at] > best[0]:
-            best = square[at], part, at
+        likeliest = int(np.argmax(square))
+        if best is None or square[likeliest] > best[0]:
+            best = square[likeliest], part, likeliest
     assert best is not None
-    square_, part, at = best
-    half, frame = HALVES[part], int(begin[places[at]])
-    step = -np.linalg.pinv(rest[at][half, half], rcond=1e-9, hermitian=True) @ gradient[at][half]
+    statistic, part, k = best
+    half, frame = HALVES[part], int(begin[places[k]])
+    step = -np.linalg.pinv(rest[k][half, half], rcond=1e-9, hermitian=True) @ gradient[k][half]
     many = float(np.log10(2 * len(places)))
     return Sequence(
         camera=frames.cameras[c], kind="step", part=part, frame=int(frames.frame[frame]),
-        time_s=float(frames.video_s[frame]), size=step, statistic=square_,
-        log10_p=min(0.0, log10_chance(square_, 3) + many),
+        time_s=float(frames.video_s[frame]), size=step, statistic=statistic,
+        log10_p=min(0.0, log10_chance(statistic, 3) + many),
     )  # fmt: skip
 
 
@@ -77,19 +79,18 @@ def _square(gradient: Floats, rest: Floats, whole: Floats) -> float:
     return float(((vector[:, seen].T @ (gradient * scale)) ** 2 / value[seen]).sum())
 
 
-def _from_the_end(model: Model, state: State, c: int) -> tuple[Ints, tuple[Floats, Floats, Floats]]:
+def _from_the_end(model: Model, blocks: Blocks, at: At, c: int) -> tuple[Ints, tuple[Floats, Floats, Floats]]:
     """First frames of a camera's blocks, and from each on to the camera's end: gradient (b, 6), normal matrix (b, 6, 6)
     and coupling with all unknowns (b, 6, n + q) of a change of pose."""
-    blocks, at = blocks_at(model, state)
     rows = np.flatnonzero(blocks.camera == c)
-    bias = slice(3 * (model.basis.degree + 1) * len(model.basis.targets), None)
+    first = 3 * (model.basis.degree + 1) * len(model.basis.targets)
+    pose = slice(first, first + 6)
     size = model.order.n_band + model.order.n_border
     gradient, normal, coupling = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6)), np.zeros((len(rows), 6, size))
     for low in range(0, len(rows), CHUNK_BLOCKS):
         high = min(low + CHUNK_BLOCKS, len(rows))
         part, at_part = part_of(blocks, at, int(rows[low]), int(rows[high - 1]) + 1)
         normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
-        pose = slice(bias.start, bias.start + 6)
         gradient[low:high] = normals.gradient[:, pose]
         normal[low:high] = normals.normal[:, pose, pose]
         chained = normals.normal[:, pose] @ local_from_global(model, part, 0, high - low)

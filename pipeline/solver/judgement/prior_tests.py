@@ -139,14 +139,18 @@ def _tested(
     left = plain.pairs(place[:, None], place[None, :]) / np.outer(sigma, sigma)
     variance = np.eye(len(own)) - left
     if robust is not None:
-        more = robust.pairs(place[:, None], place[None, :]) / np.outer(sigma, sigma) - left
-        value, vector = np.linalg.eigh(0.5 * (more + more.T))
-        variance += (vector * np.maximum(value, 0)) @ vector.T
+        variance += positive_part(robust.pairs(place[:, None], place[None, :]) / np.outer(sigma, sigma) - left)
     statistic = whitened_square(correction / sigma, variance)
     return PriorTest(
         camera=camera, what=what, columns=own, correction=correction, sigma=sigma, statistic=statistic,
         freedom=len(own), log10_p=log10_chance(statistic, len(own)),
     )  # fmt: skip
+
+
+def positive_part(matrix: Floats) -> Floats:
+    """The part of a symmetric matrix whose eigenvalues are positive."""
+    value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vector * np.maximum(value, 0)) @ vector.T)
 
 
 def whitened_square(value: Floats, variance: Floats, floor: float = FLOOR) -> float:

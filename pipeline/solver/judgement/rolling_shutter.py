@@ -31,7 +31,8 @@ from pipeline.solver.adjustment.elimination import block_normals
 from pipeline.solver.adjustment.model import Model, State, residuals_of
 from pipeline.solver.adjustment.renewal import rolled
 from pipeline.solver.judgement.changes import READOUT_PRIOR_S
-from pipeline.solver.judgement.prior_tests import log10_chance, whitened_square
+from pipeline.solver.judgement.influence import motion_sigmas
+from pipeline.solver.judgement.prior_tests import log10_chance, positive_part, whitened_square
 from pipeline.solver.judgement.settings import JudgementSettings
 from pipeline.solver.judgement.words import readout_words
 from pipeline.solver.methods.results import Outcome
@@ -43,8 +44,6 @@ CLOCK_PRIOR_S = 0.5
 """What stands for knowing nothing of a start or an offset; twice as much says the same."""
 CHUNK_BLOCKS = 1024
 """Blocks whose normal equations are held at once."""
-TIMES = 20
-"""At which it is seen how far a motion would move."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +94,7 @@ def shutter_tests(problem: Problem, found: Outcome, solution: Solution) -> Shutt
     unit[place, np.arange(len(place))] = 1.0
     pull = factor.solve(unit)
     claimed = pull[place]
-    variance = claimed + _positive(counted(freed, state, here, pull) - claimed)
+    variance = claimed + positive_part(counted(freed, state, here, pull) - claimed)
     sigma, given = np.sqrt(np.diag(variance)), state.camera[list(tested), READOUT]
     statistic = whitened_square(step[place] / sigma, variance / np.outer(sigma, sigma))
     cameras = tuple(
@@ -131,12 +130,6 @@ def counted(model: Model, state: State, here: Linear, pull: Floats) -> Floats:
     return np.asarray(out + each.T @ each)
 
 
-def _positive(matrix: Floats) -> Floats:
-    """The part of a symmetric matrix whose eigenvalues are positive."""
-    value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return np.asarray((vector * np.maximum(value, 0)) @ vector.T)
-
-
 def _freed(problem: Problem, model: Model, state: State, cameras: tuple[int, ...]) -> Model:
     """The model with the readouts of some cameras free, and with clocks and starts that nothing holds."""
     priors, frames = model.priors, add_rows(problem, model.frames, cameras)
@@ -163,16 +156,11 @@ def _freed(problem: Problem, model: Model, state: State, cameras: tuple[int, ...
 
 def _moves(model: Model, solution: Solution, step: Floats) -> float:
     """By how many of its sigmas the step moves the motion that it moves most, root mean square over its time."""
-    most = 0.0
-    for motion in solution.motions:
-        own = next(t for t in model.basis.targets if t.target == motion.target)
-        place = model.order.coefficient[own.first : own.first + own.count]
-        moved = replace(motion, coefficients=np.where(place >= 0, step[place], 0.0))
-        time_s = np.linspace(motion.start_s, motion.end_s, TIMES)
-        variance = np.trace(motion.position_covariance(time_s), axis1=1, axis2=2)
-        share = (moved.position_enu_m(time_s) ** 2).sum(axis=1) / np.maximum(variance, 1e-12)
-        most = max(most, float(np.sqrt(np.nanmean(share)))) if np.isfinite(share).any() else most
-    return most
+    place, claimed = model.order.coefficient, {m.target: m for m in solution.motions if m.covariance_band is not None}
+    moved = np.where(place >= 0, step[place], 0.0)
+    return max(
+        (motion_sigmas(t, moved, [claimed[t.target]]) for t in model.basis.targets if t.target in claimed), default=0.0
+    )
 
 
 def shutter_reasons(problem: Problem, tests: ShutterTests, settings: JudgementSettings) -> list[Reason]:

@@ -30,7 +30,7 @@ from pipeline.solver.methods.goodness_of_fit import misfit
 from pipeline.solver.methods.parameters import is_still, pose_errors
 from pipeline.solver.observation.clocks import FOCAL, POS, ROT, common_time_s
 from pipeline.solver.observation.observations import Frames
-from pipeline.solver.observation.pose_wander import between_knots, wander_knots, wander_penalty
+from pipeline.solver.observation.pose_wander import between_knots, wander_knots
 from pipeline.solver.observation.residuals import linearise
 
 AGREEMENT, LAG_S = 4.0, 0.2
@@ -217,9 +217,8 @@ def likelihood(fit: Fit) -> float:
     for c in range(len(fit.model.frames.cameras)):
         if fit.model.pose.spread[c].any():
             known -= _frames_determinant(fit, c)
-        if wander is not None and wander.of(c).stop > wander.of(c).start:
-            for axis in np.flatnonzero(wander.sigma[c] > 0):
-                known += float(np.linalg.slogdet(wander_penalty(wander, c, int(axis)))[1])
+    for _, _, matrix in wander.penalties if wander is not None else ():
+        known += float(np.linalg.slogdet(matrix)[1])
     return float(-fit.cost - 0.5 * factor.log_determinant() + 0.5 * known)
 
 

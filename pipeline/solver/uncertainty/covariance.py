@@ -19,7 +19,6 @@ from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment.banded_system import Bordered, Factor, band_of_inverse, band_of_sandwich
 from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
-from pipeline.solver.observation.pose_wander import wander_penalty
 from pipeline.solver.uncertainty.jackknife import freed
 
 
@@ -214,8 +213,8 @@ def _add_priors(model: Model, state: State, meat: _Meat) -> None:
         if model.drift_free and own.stop > own.start:
             meat.add(order.drift[own], drift_penalty(model.drift, c, float(priors.drift_rate[c])))
     if model.wander is not None:
-        for c, k in zip(*np.nonzero(model.wander.sigma > 0), strict=True):
-            meat.add(order.wander[model.wander.of(int(c)), k], wander_penalty(model.wander, int(c), int(k)))
+        for c, axis, matrix in model.wander.penalties:
+            meat.add(order.wander[model.wander.of(c), axis], matrix)
     for n, target in enumerate(model.basis.targets):
         if target.kind == "spline":
             first, rows, _ = jerk_penalty(model, n)
