@@ -10,7 +10,7 @@ code with `pipeline/synthetic`. Printed for every flight: root mean square of er
 the same with the true motion given (order 0 parked, 1 straight, else a spline); at the end the figures over all.
 
 `--walk` adds what is correlated in time instead of white errors: a position's random walk that reaches 1 m in 10 or 60
-seconds, or an attitude's that reaches 0.3 degrees in 10 seconds.
+seconds, or an attitude's that reaches 0.3 degrees in 10 seconds; instruments then have the default sigmas.
 """
 
 from __future__ import annotations
@@ -76,6 +76,8 @@ def drawn(
     rate = float(rng.choice([10.0, 12.5, 25.0, 29.97]))
     rate = min(rate, MOST_FRAMES / duration)
     grade = replace(InstrumentSigma(), **_grade(rng))
+    if walk:
+        grade = InstrumentSigma()
     count = cameras or int(rng.choice([2, 2, 3, 4]))
     distance, height = float(rng.uniform(120, 400)), float(rng.uniform(60, 200))
     heading = float(rng.uniform(0, 2 * np.pi))
