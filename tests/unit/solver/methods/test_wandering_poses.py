@@ -19,6 +19,7 @@ def hovering(common, duration, rng, heading, distance, height):
 
 def test_a_walk_of_positions_does_not_shrink_the_scene(monkeypatch):
     """Receivers that claim 1 m new in every frame and walk instead: the scene shrank by 60 m, 7 claims."""
+    monkeypatch.setattr(ordinary, "_grade", lambda rng: {})
     monkeypatch.setattr(ordinary, "_kinds", lambda rng, count: ("straight", "stop", "parked"))
     monkeypatch.setattr(ordinary, "_flown", hovering)
     monkeypatch.setattr(ordinary, "MOST_FRAMES", 200)
