@@ -36,6 +36,7 @@ from pipeline.solver.methods import li, map_estimation
 from pipeline.solver.methods.initialisation import candidates
 from pipeline.solver.methods.intersection import intersect, intersected
 from pipeline.solver.methods.parameters import FIRST_ORDER, first_camera, first_choice, first_model, given_offsets
+from pipeline.solver.methods.restarts import NO_FINITE_ANSWER
 from pipeline.solver.methods.results import Outcome, solution_of
 from pipeline.solver.methods.triangulation import triangulate
 from pipeline.solver.observability.findings import find_degeneracies
@@ -145,7 +146,7 @@ def _safely(problem: Problem, settings: SolverSettings, progress: Progress | Non
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             return _solved(problem, settings, progress)
-    except (np.linalg.LinAlgError, FloatingPointError, OverflowError, ZeroDivisionError) as error:
+    except NO_FINITE_ANSWER as error:
         raise GeometryError(
             where=f"method {settings.method}",
             seen=f"equations that have no finite answer ({error})",

@@ -33,7 +33,7 @@ from pipeline.solver.methods.known_motions import ground_gaps, renewed_known
 from pipeline.solver.methods.lone_stretches import Lone, confined, told
 from pipeline.solver.methods.model_selection import choose_motions
 from pipeline.solver.methods.parameters import BEND, MotionChoice, first_choice
-from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
+from pipeline.solver.methods.restarts import NO_FINITE_ANSWER, Beginning, Settled, best_of, parabolas
 from pipeline.solver.methods.results import Outcome
 from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
 from pipeline.solver.methods.wandering_poses import with_wandering_poses
@@ -104,7 +104,7 @@ def adjust(
         problem=problem, settings=settings, frames=frames, choice=choice, descent=descent, small=small
     )
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
-    settled, restarts = best_of(settle(fit), beginning, found[:1], found[TRIED:], settle)
+    settled, restarts = best_of(_settled(fit, settle), beginning, found[:1], found[TRIED:], settle)
     return Adjusted(
         fit=settled.fit, candidates=ranked,
         findings=(
@@ -112,6 +112,14 @@ def adjust(
             *ground_gaps(problem, settled.fit.model, settled.fit.state),
         ),
     )  # fmt: skip
+
+
+def _settled(fit: Fit, settle: Callable[[Fit], Settled]) -> Settled:
+    """`fit` settled, or as it is and not to be believed, so that other starts are tried."""
+    try:
+        return settle(fit)
+    except NO_FINITE_ANSWER:
+        return Settled(fit=replace(fit, status="stalled"))
 
 
 def without_lone_stretches(fit: Fit, choice: MotionChoice, descend: Callable[[Model, State], Fit]) -> tuple[Fit, Lone]:

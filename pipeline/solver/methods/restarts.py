@@ -15,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from calibration.foundation.arrays import Bools
 from calibration.foundation.errors import GeometryError
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
@@ -34,6 +36,8 @@ MOST = 6
 """Other starts at most: each costs about what the first one did."""
 FEW = 40
 """Iterations of the first part of a start."""
+NO_FINITE_ANSWER = (np.linalg.LinAlgError, FloatingPointError, OverflowError, ZeroDivisionError)
+"""What mathematics raise where a scene has shrunk to a point, or sigmas hold nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,18 +85,19 @@ def best_of(
     """The best of `first` and the adjustments from other starts, and how they ended, where `first` is doubtful."""
     if not is_doubtful(first.fit):
         return first, ()
-    ends = [("the best offsets", first)]
+    ends, failed = [("the best offsets", first)], []
     for start in _others(beginning, tried, left):
         try:
             ends.append((start.words, settle(start.run())))
-        except GeometryError:
+        except (GeometryError, *NO_FINITE_ANSWER):
+            failed.append(start.words)
             continue
         if not is_doubtful(ends[-1][1].fit):
             break
     fits = [(words, end.fit) for words, end in ends]
     best = min(range(len(ends)), key=lambda i: (_worth(fits[i][1]), i))
     fit = replace(fits[best][1], iterations=sum(f.iterations for _, f in fits))
-    return replace(ends[best][1], fit=fit), (_told(fits, best),)
+    return replace(ends[best][1], fit=fit), (_told(fits, best, failed),)
 
 
 def _worth(fit: Fit) -> float:
@@ -168,12 +173,13 @@ def _rates_held_first(b: Beginning, candidate: OffsetCandidate) -> Fit:
     return replace(found, iterations=fit.iterations + found.iterations)
 
 
-def _told(ends: list[tuple[str, Fit]], best: int) -> Finding:
+def _told(ends: list[tuple[str, Fit]], best: int, failed: list[str]) -> Finding:
     parts = []
     for i, (words, fit) in enumerate(ends):
         same = "" if i == best else ", same clocks" if not differ(fit, ends[best][1]) else ", other clocks"
         state = "" if fit.status == "converged" else f", {fit.status}"
         parts.append(f"{words}: {misfit(fit)[0]:.2f}{state}{same}")
+    parts += [f"{words}: no finite answer" for words in failed]
     return Finding(
         kind="other-starts",
         subject="",

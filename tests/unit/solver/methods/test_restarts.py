@@ -1,0 +1,35 @@
+"""Other starts: the best is taken, and one that ends nowhere costs no answer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.solver.adjustment.levenberg_marquardt import levenberg_marquardt
+from pipeline.solver.methods import map_estimation, restarts
+from pipeline.solver.methods.restarts import Settled, Start, best_of
+from tests.scenes.solver import rich_model
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return levenberg_marquardt(*rich_model(drift=False))
+
+
+def singular(_=None):
+    raise np.linalg.LinAlgError("Singular matrix")
+
+
+def test_a_start_without_a_finite_answer_is_told_and_passed_over(fit, monkeypatch):
+    starts = [Start(words="other offsets (b +1.00 s)", run=singular), Start(words="parabolas first", run=lambda: fit)]
+    monkeypatch.setattr(restarts, "_others", lambda *_: iter(starts))
+    doubtful = Settled(fit=replace(fit, status="iteration-limit"))
+    best, told = best_of(doubtful, None, (), (), lambda found: Settled(fit=found))
+    assert best.fit.cost == fit.cost
+    assert "other offsets (b +1.00 s): no finite answer" in told[0].words
+
+
+def test_an_adjustment_that_cannot_settle_is_not_believed(fit):
+    found = map_estimation._settled(fit, singular)
+    assert found.fit.status == "stalled"
+    assert restarts.is_doubtful(found.fit)
