@@ -40,6 +40,10 @@ ONE_VIEW, ALIKE_PX = 0.6, 1.0
 picture) of the two groups are apart at most, for that view to be the cause. Of 40 mixtures of two cameras 36 have a
 share under 0.5 (equal groups of n views: 2 / n), and the principal points of a type scatter by 2 to 20 px."""
 
+SAME_PX = 0.3
+"""Groups that are less apart than this are one camera: a lens sits no firmer in its mount, and what corner finders and
+lens models leave (a hundredth of a pixel, the same in like views) makes such differences certain but not real."""
+
 TURNED_PX = 3.0
 """How near the principal points of two groups are to mirroring each other where photos were turned by 180 degrees."""
 
@@ -93,13 +97,16 @@ def like_cameras(model: Model, fit: Fit, views: Sequence[BoardView]) -> TwoCamer
     if gain < CERTAIN + A_VIEW * count or explained < EXPLAINED:
         return None
     each = tuple(_intrinsics(model, fit, views, mask) for mask in (best, ~best))
+    apart_px = _apart_px(each[0], each[1], views[0].image_size)
+    if apart_px < SAME_PX:
+        return None
     return TwoCameras(
         first=best,
         intrinsics=(each[0], each[1]),
         gain=gain,
         explained=explained,
         turned=_turned(each[0], each[1], views[0].image_size),
-        bad_view=_bad_view(parts, best, each[0] - each[1], each[0], views[0].image_size),
+        bad_view=_bad_view(parts, best) if apart_px < ALIKE_PX else None,
     )
 
 
@@ -126,11 +133,14 @@ def _gain(parts: _Parts, group: Bools) -> float:
     return float(np.sum((vectors.T @ g)[known] ** 2 / values[known]))
 
 
-def _bad_view(parts: _Parts, group: Bools, apart: Floats, one: Floats, size: tuple[int, int]) -> int | None:
-    """The view that explains the cut alone, where the cameras (4,) `apart` are too alike to be two."""
-    edge_px = np.hypot(*size) / 2 * np.abs(apart[:2] / one[:2])
-    if max(float(edge_px.max()), float(np.abs(apart[2:]).max())) > ALIKE_PX:
-        return None
+def _apart_px(one: Floats, other: Floats, size: tuple[int, int]) -> float:
+    """How far two cameras (4,) are apart: by principal point, or by focal length at the edge of the picture."""
+    edge = np.hypot(*size) / 2 * np.abs(one[:2] / other[:2] - 1)
+    return float(np.concatenate([edge, np.abs(one[2:] - other[2:])]).max())
+
+
+def _bad_view(parts: _Parts, group: Bools) -> int | None:
+    """The view that explains the cut alone."""
     count = len(group)
     alone = [_gain(parts, np.arange(count) == view) for view in range(count)]
     worst = int(np.argmax(alone))
