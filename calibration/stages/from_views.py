@@ -39,6 +39,9 @@ from calibration.photos.metadata import RESIZED_KEY
 LEAST_VIEWS = 3
 ROUNDS = 3
 
+ODD_VIEW = "contradicts the other views as another focal length or principal point would; did the board or camera move?"
+"""Of a view that alone explains what would otherwise be a second camera."""
+
 BOARD_SIGMA = (0.001, 0.001, 0.005)
 """Prior of the board's shape over its longer side: printers and paper in the plane, boards that bend out of it."""
 
@@ -65,7 +68,13 @@ def calibrate(
     views, outliers, start = _without_outliers(views, board_m, terms, noise)
     corners = stacked(views)
     best = _best(corners, views, board_m, terms, noise, start)
-    _refuse_like_cameras(best, views)
+    while (odd := _odd_view(best, views)) is not None:
+        outliers.append(RejectedView(name=views[odd].name, reason=ODD_VIEW))
+        others = np.arange(len(views)) != odd
+        start = (start[0], kept(start[1], corners, others))
+        views = [view for view, other in zip(views, others, strict=True) if other]
+        corners = stacked(views)
+        best = _best(corners, views, board_m, terms, noise, start)
     best, diagnosis = _diagnosed(best, corners, noise, board)
     best, corners = _settled(best, corners)
     reach = coverage(views, best.fit.rotation, best.fit.translation_m)
@@ -175,11 +184,14 @@ def _refuse_two_cameras(model: Model, views: Sequence[BoardView], fit: Fit) -> N
     )
 
 
-def _refuse_like_cameras(best: Candidate, views: Sequence[BoardView]) -> None:
-    """Raises CalibrationError where two cameras took the views, however alike, before a bent board is thought of."""
+def _odd_view(best: Candidate, views: Sequence[BoardView]) -> int | None:
+    """The view that passes for a second camera, if one does.
+
+    Raises CalibrationError where two cameras took the views, however alike, before a bent board is thought of.
+    """
     found = like_cameras(best.model, best.fit, views)
-    if found is None:
-        return
+    if found is None or found.bad_view is not None:
+        return None if found is None else found.bad_view
     names = [[v.name for v, m in zip(views, mask, strict=True) if m] for mask in (found.first, ~found.first)]
     told = [
         f"{_some(group)} fit a focal length of {fx:.1f} px and a principal point of {cx:.1f}, {cy:.1f}"

@@ -170,8 +170,9 @@ def kept_set(seed: int, lens: str, folder: Path | None) -> Row:
 
 def _code() -> str:
     """Of everything a row depends on."""
-    root = Path(__file__).resolve().parents[1]
-    files = [*sorted((root / "calibration").rglob("*.py")), root / "tests/scenes/calibration.py", Path(__file__)]
+    root = Path(__file__).resolve().parents[2]
+    drawn = root / "pipeline/synthetic/board_views.py"
+    files = [*sorted((root / "calibration").rglob("*.py")), drawn, Path(__file__)]
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:12]
 
 

@@ -27,7 +27,7 @@ BOARD = Board(cols=9, rows=6, square_m=0.03)
 SIZE = (800, 600)
 LEAST_PHOTOS, MOST_PHOTOS = 4, 10
 FAR = 2.0
-REFUSALS = ("_refuse_two_cameras", "_refuse_like_cameras")
+REFUSALS = ("_refuse_two_cameras", "_odd_view")
 
 
 def pair(seed: int) -> tuple[CameraModel, CameraModel]:

@@ -44,6 +44,29 @@ def test_one_camera_is_one():
     assert asked(computed_views(lens(), 12, seed=4, noise_px=0.1)) is None
 
 
+def one_bent_view(seed):
+    """Nine views of one camera, the first drawn out along its columns, by a fifth of a pixel at the image's edge."""
+    views = computed_views(lens(), 9, seed=seed, noise_px=0.01)
+    along = np.array([0, 0.25]) * (views[0].corners - [640, 480]) / 640
+    return [replace(views[0], corners=views[0].corners + along), *views[1:]]
+
+
+@pytest.mark.parametrize("seed", [9, 10, 15])
+def test_one_bad_view_is_no_second_camera(seed):
+    found = asked(one_bent_view(seed))
+    assert found is not None, "otherwise this shows nothing"
+    assert found.bad_view == 0
+
+
+def test_the_view_that_passes_for_a_second_camera_is_set_aside_and_said(monkeypatch):
+    monkeypatch.setattr("calibration.stages.from_views.contradicting", lambda model, fit, views, _: (views, [], fit))
+    views = one_bent_view(10)
+    found = calibrate(views, BOARD)
+    assert [r.name for r in found.rejected] == [views[0].name]
+    assert "contradicts the other views" in found.rejected[0].reason
+    np.testing.assert_allclose(found.camera.K[:2, 2], [640, 478], atol=0.2)
+
+
 def test_what_scatters_from_view_to_view_is_no_second_camera():
     random = np.random.default_rng(5)
     rolled = [
