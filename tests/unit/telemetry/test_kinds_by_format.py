@@ -541,15 +541,51 @@ class TestClocks:
         assert utc_at(log, 105.0) == pytest.approx(BOOT_UTC_S + 105.0, abs=0.01)
         assert any("2592000.0 s behind from log time 100.0 to 114.9" in note for note in log.notes)
 
-    def test_a_week_that_rolled_over_is_told(self, tmp_path):
-        link = Link()
-        fly(link, seconds=20, utc=False)
-        for i in range(100):
-            rolled = BOOT_UTC_S + 100 + i / 10 - 1024 * 604_800
-            message = mav.MAVLink_system_time_message(round(rolled * 1e6), 100_000 + 100 * i)
-            link.send(message, record_s=RECORD_EPOCH_S + i / 10 + 0.03)
-        log = tlog(tmp_path / "a.tlog", link)
-        assert any("2004" in note or "2003" in note for note in log.notes) or log.utc is None
+    def read_clock(self, tmp_path, form, utc):
+        """A minute's log in which `utc(t)` is what the receiver says, POSIX seconds, at log time 100 s + t."""
+        if form == "tlog":  # [MAV] SYSTEM_TIME.time_unix_usec
+            link = Link()
+            fly(link, seconds=60, utc=False)
+            for i in range(600):
+                message = mav.MAVLink_system_time_message(round(utc(i / 10) * 1e6), 100_000 + 100 * i)
+                link.send(message, record_s=RECORD_EPOCH_S + i / 10 + 0.03)
+            return tlog(tmp_path / "a.tlog", link)
+        if form == "ulog":  # [PX4] sensor_gps.time_utc_usec
+            rows = [{"t": 100 + i / 10, "time_utc_usec": round(utc(i / 10) * 1e6), "fix_type": 3} for i in range(600)]
+            topics = {
+                **flying(seconds=60.0),
+                "vehicle_gps_position": ({"time_utc_usec": "u64", "fix_type": "u1"}, rows),
+            }
+            return read_log(ulog(tmp_path / "a.ulg", topics))
+        rows = []  # [AP] GPS.GWk, GPS.GMS: 18 s ahead of UTC since 2017
+        for i in range(300):
+            week, second = divmod(utc(i / 5) - 315_964_800 + 18, 604_800)
+            rows.append(record("GPS", 100_000_000 + 200_000 * i, 0, 4, round(1000 * second), week, 14, 80, LAT * 1e7,
+                               LON * 1e7 + 100 * i, 10000, 10, 90, 0, 0, 1))  # fmt: skip
+        return dataflash(tmp_path / "a.bin", *rows)
+
+    @pytest.mark.parametrize("form", ["tlog", "ulog", "dataflash"])
+    @pytest.mark.parametrize("late", [1.0, -2.0])
+    def test_leap_seconds_that_a_receiver_learns_late(self, tmp_path, form, late):
+        """Its UTC steps by whole seconds when the almanac arrives: what comes after holds."""
+        log = self.read_clock(tmp_path, form, lambda t: 1.71e9 + t + late * (t < 40))
+        assert utc_at(log, 105.0) == pytest.approx(1.71e9 + 5.0, abs=0.01)
+        assert any(f"was {abs(late):.1f} s {'ahead' if late > 0 else 'behind'}" in note for note in log.notes)
+
+    def test_a_clock_that_drifts_was_not_set(self, tmp_path):
+        """An old quartz, 0.1 % fast: no step in it, and its rate is told."""
+        log = self.read_clock(tmp_path, "tlog", lambda t: 1.71e9 + 1.001 * t)
+        assert (log.utc.steps, log.utc.rate) == ((), pytest.approx(1.001, abs=1e-5))
+
+    @pytest.mark.parametrize("form", ["tlog", "ulog", "dataflash"])
+    @pytest.mark.parametrize(("rolled", "believed"), [(1024, False), (2048, False), (1024, True)])
+    def test_a_week_that_rolled_over_is_told(self, tmp_path, form, rolled, believed):
+        """2023 and 2026 by a receiver that counts weeks in ten bits: 2004 is thrown away, 2006 is doubted; both say
+        what they would mean."""
+        true = 1.78e9 if believed else 1.7e9
+        log = self.read_clock(tmp_path, form, lambda t: true + t - rolled * 604_800)
+        assert (log.utc is not None) == believed
+        assert any(f"rolled over would mean {'2026-05-28' if believed else '2023-11-14'}" in n for n in log.notes)
 
     def test_a_log_that_loses_time_runs_at_its_own_rate(self, tmp_path):
         """8.3 s in 100 s of log time, as of a real plane whose loop could not keep up."""
