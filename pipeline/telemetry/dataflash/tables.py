@@ -30,8 +30,9 @@ def first_instance(table: MessageTable | None) -> MessageTable | None:
     if table is None:
         return None
     for name in ("I", "C"):
-        if name in table:
-            return table.only(np.asarray(table.floats(name) == table.floats(name).min()))
+        instance = table.floats(name)
+        if np.isfinite(instance).any():
+            return table.only(np.asarray(instance == np.nanmin(instance)))
     return table
 
 

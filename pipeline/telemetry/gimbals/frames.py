@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints, whole_numbers
 from pipeline.geometry import rotation
 from pipeline.telemetry.log.flight_log import BODY, EARTH, HEADING, AttitudeSeries, GimbalSeries
 
@@ -48,7 +48,7 @@ FRAME_NAMES = {
 
 def frame_of_flags(flags: Floats) -> Ints:
     """EARTH or HEADING (n,) of GIMBAL_DEVICE_FLAGS."""
-    bits = np.asarray(flags).astype(np.int64)
+    bits = whole_numbers(flags)
     stated = (bits & (YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME)) != 0
     earth = np.where(stated, (bits & YAW_IN_VEHICLE_FRAME) == 0, (bits & YAW_LOCK) != 0)
     return np.where(earth, EARTH, HEADING)
