@@ -10,14 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calibration.foundation.errors import DID_NOT_CONVERGE
+from pipeline import stages
 from pipeline.cli.console import Console
 from pipeline.flight import read_flight
-from pipeline.stages import RunSummary, run_flight, run_poses, run_solve, run_track
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-ACTIONS = {"poses": run_poses, "solve": run_solve, "run": run_flight}
+    from pipeline.stages import RunSummary
+
+ACTIONS = {"poses": "run_poses", "solve": "run_solve", "run": "run_flight"}
+"""What each command calls of the stages, of which only that is loaded."""
 OFFSET, POSITION = ("camera", "offset_s", "offset_sigma_s"), ("target", "typical_sigma_m")
 FIGURES = ("status", "method", "iterations", "cost", "chi_square", "degrees_of_freedom", "message")
 
@@ -31,9 +34,9 @@ def run(arguments: Namespace, console: Console) -> int:
         flight = replace(flight, cameras=tuple(replace(c, tracker=arguments.tracker) for c in flight.cameras))
     console.detail(f"{arguments.command}: {len(flight.cameras)} cameras, {len(flight.targets)} targets -> {out}")
     if arguments.command == "track":
-        summary = run_track(flight, out, overlay=arguments.overlay, progress=console.progress)
+        summary = stages.run_track(flight, out, overlay=arguments.overlay, progress=console.progress)
     else:
-        summary = ACTIONS[arguments.command](flight, out, progress=console.progress)
+        summary = getattr(stages, ACTIONS[arguments.command])(flight, out, progress=console.progress)
     for warning in summary.warnings:
         console.say(f"note: {warning}")
     solution = solved_in(out) if arguments.command in ("solve", "run") else None

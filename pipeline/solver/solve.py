@@ -220,6 +220,8 @@ def make_ready(told: Callable[[int, int], None]) -> None:
 
     It is only told where there is something to compile: not where the installation brings the loops compiled.
     """
+    if how_compiled() != "when called":
+        return
     begun: list[str] = []
 
     def say(name: str) -> None:

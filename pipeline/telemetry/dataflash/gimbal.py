@@ -80,4 +80,4 @@ def _mount(table: MessageTable, body: AttitudeSeries | None) -> tuple[GimbalSeri
     if not new:
         return told_frame(series, body)
     against_body = rotation.ned_from_frd(*np.radians([yaw, pitch, roll]))
-    return held_frame(series, body, against_body[np.argsort(time, kind="stable")])
+    return held_frame(series, body, against_body[np.argsort(time, kind="stable")], commanded=True)
