@@ -22,7 +22,7 @@ def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
     position, height_notes = vehicle_position(raw)
     attitude = vehicle_attitude(raw)
     mount, gimbals, gimbal_notes = gimbal_attitude(raw, attitude, gimbal)
-    events, source = camera_events(raw)
+    events, source, event_notes = camera_events(raw)
     utc, utc_notes = utc_clock(raw)
     return FlightLog(
         path=raw.path,
@@ -40,5 +40,5 @@ def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
         accuracy=stated_accuracy(raw),
         receiver=receiver_of(raw),
         truth=simulated(raw),
-        notes=(*raw.notes, *utc_notes, *height_notes, *gimbal_notes),
+        notes=(*raw.notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

@@ -30,7 +30,7 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         progress(1.0)
     position, height_notes = vehicle_position(topics)
     attitude = vehicle_attitude(topics)
-    events, event_source = camera_events(topics)
+    events, event_source, event_notes = camera_events(log.instances)
     accuracy = stated_accuracy(topics)
     utc, utc_notes = utc_clock(topics, log.info)
     mount, gimbals, gimbal_notes = gimbal_attitude(path, log.instances, attitude, gimbal)
@@ -49,5 +49,5 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         utc=utc,
         accuracy=accuracy,
         receiver=receiver_of(topics, accuracy.source),
-        notes=(*log.notes, *utc_notes, *height_notes, *gimbal_notes),
+        notes=(*log.notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

@@ -30,6 +30,7 @@ MORE, LOGS, KLV, CSV = (
     "klv/test_klv.py",
     "flight_records/test_flight_records.py",
 )
+IDS = "test_kinds_of_ids.py"
 WORTH, OWN, SRT = "camera_pose/test_sigma_over_time.py", "test_kinds.py", "test_inspection_and_subtitles.py"
 
 CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
@@ -37,9 +38,23 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
         f"{MORE}::test_an_autopilot_is_what_its_heartbeat_says",
         f"{MORE}::test_one_camera_of_several_is_taken",
     ),
-    ("ids", "DataFlash old"): (f"{OWN}::test_old_second_receiver_is_a_message_of_its_own",),
-    ("ids", "DataFlash new"): (f"{MORE}::test_accuracy_is_that_of_the_receiver_in_use", f"{MORE}::test_mnt_instances"),
-    ("ids", "ULog"): (f"{MORE}::test_px4_gimbals",),
+    ("ids", "DataFlash old"): (
+        f"{OWN}::test_old_second_receiver_is_a_message_of_its_own",
+        f"{IDS}::test_the_one_in_use",
+        f"{IDS}::test_one_that_takes_over_on_the_way",
+        f"{IDS}::test_the_one_that_flew",
+    ),
+    ("ids", "DataFlash new"): (
+        f"{MORE}::test_accuracy_is_that_of_the_receiver_in_use",
+        f"{MORE}::test_mnt_instances",
+        f"{IDS}::test_one_camera_of_several_in_dataflash",
+    ),
+    ("ids", "ULog"): (
+        f"{MORE}::test_px4_gimbals",
+        f"{IDS}::test_a_receiver_with_a_fix",
+        f"{IDS}::test_the_estimator_that_was_selected",
+        f"{IDS}::test_one_camera_of_several",
+    ),
     ("ids", "SRT"): "subtitles are those of one video of one vehicle: nothing in them tells another",
     ("ids", "KLV"): (f"{KLV}::test_two_sensors_are_two_vehicles", f"{KLV}::test_a_picture_from_another_sensor_is_said"),
     ("ids", "CSV"): "a record is of one vehicle with one camera: no column tells another",
@@ -49,17 +64,23 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ),
     ("validity", "DataFlash old"): (f"{OWN}::test_old_status",),
     ("validity", "DataFlash new"): (f"{MORE}::test_dataflash_gps_without_a_fix_is_none",),
-    ("validity", "ULog"): (f"{MORE}::test_px4_flags",),
+    ("validity", "ULog"): (f"{MORE}::test_px4_flags", f"{IDS}::test_dead_reckoning_is_said"),
     ("validity", "SRT"): (f"{OWN}::test_subtitles_at_0_0",),
     ("validity", "KLV"): (f"{KLV}::test_error_values", f"{KLV}::test_an_error_value_is_none"),
     ("validity", "CSV"): (f"{CSV}::test_0_0_is_no_place",),
     ("frames", "tlog"): (
         f"{MORE}::test_a_servo_gimbal_that_flags_a_lock",
         f"{MORE}::test_yaw_is_held_against_the_heading",
+        f"{MORE}::test_servos_whose_flags_change_on_the_way",
+        f"{MORE}::test_px4_s_own_outputs",
     ),
     ("frames", "DataFlash old"): (f"{OWN}::test_old_mount_does_not_say_what_it_counts_from",),
-    ("frames", "DataFlash new"): (f"{MORE}::test_mnt_of_servos",),
-    ("frames", "ULog"): (f"{MORE}::test_px4_flags_of_servos",),
+    ("frames", "DataFlash new"): (f"{MORE}::test_mnt_of_servos", f"{MORE}::test_mnt_that_never_moves"),
+    ("frames", "ULog"): (
+        f"{MORE}::test_px4_flags_of_servos",
+        f"{MORE}::test_px4_s_own_outputs",
+        f"{MORE}::test_a_gimbal_s_own_yaw_lock_is_believed",
+    ),
     ("frames", "SRT"): (f"{SRT}::test_gimbal_angles_are_pitch_roll_yaw",),
     ("frames", "KLV"): (
         f"{KLV}::test_positions_attitudes_and_the_videos_start",
@@ -88,14 +109,23 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ("sigmas", "CSV"): (f"{CSV}::test_airdata",),
     ("clocks", "tlog"): (
         f"{MORE}::test_utc_that_was_set_on_the_way",
+        f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
+        f"{MORE}::test_a_week_that_rolled_over_is_told",
         f"{LOGS}::test_after_a_reboot_log_time_goes_on_by_the_recorders_clock",
     ),
     ("clocks", "DataFlash old"): (f"{OWN}::test_old_clocks",),
     ("clocks", "DataFlash new"): (
         f"{MORE}::test_a_log_that_loses_time_runs_at_its_own_rate",
+        f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
+        f"{MORE}::test_a_week_that_rolled_over_is_told",
         f"{MORE}::test_dataflash",
     ),
-    ("clocks", "ULog"): (f"{MORE}::test_a_log_that_counts_from_1970", f"{MORE}::test_when_a_px4_vehicle_started"),
+    ("clocks", "ULog"): (
+        f"{MORE}::test_a_log_that_counts_from_1970",
+        f"{MORE}::test_when_a_px4_vehicle_started",
+        f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
+        f"{MORE}::test_a_week_that_rolled_over_is_told",
+    ),
     ("clocks", "SRT"): (f"{MORE}::test_subtitles",),
     ("clocks", "KLV"): (f"{KLV}::test_a_clock_that_was_set_on_the_way", f"{KLV}::test_leap_seconds"),
     ("clocks", "CSV"): (f"{CSV}::test_utc_of_whole_seconds_is_told_where_they_tick", f"{CSV}::test_past_midnight"),
