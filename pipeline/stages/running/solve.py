@@ -41,10 +41,15 @@ def run_solve(
     flight: Flight, out: Path, *, settings: SolverSettings | None = None, progress: Progress = silent
 ) -> RunSummary:
     """Adjusts the flight and writes everything that comes of it."""
-    models, measure = check_inputs(flight, out), measuring(flight, progress)
+    clock = StageSeconds(progress)
+    with clock.stage("check"):
+        models, measure = check_inputs(flight, out), measuring(flight, progress)
     with writing(out) as ledger:
-        doubts = doubts_of(ledger, flight, models, measure)
-        return solve_into(ledger, flight, measure, settings=settings, doubts=doubts, resume=False, progress=progress)
+        with clock.stage("check"):
+            doubts = doubts_of(ledger, flight, models, measure)
+        return solve_into(
+            ledger, flight, measure, settings=settings, doubts=doubts, resume=False, progress=progress, clock=clock
+        )
 
 
 def solve_into(
@@ -56,9 +61,10 @@ def solve_into(
     doubts: Sequence[str] = (),
     resume: bool,
     progress: Progress = silent,
+    clock: StageSeconds | None = None,
 ) -> RunSummary:
     """`run_solve` into a folder that is open; with `resume`, a finished solution is left as it is."""
-    clock, out = StageSeconds(), ledger.out
+    clock, out = clock or StageSeconds(progress), ledger.out
     chosen = settings or solver_settings(flight)
     with clock.stage("read"):
         models = check_inputs(flight, out)
@@ -79,12 +85,10 @@ def solve_into(
         make_ready(lambda done, of: progress("compile the solver, once on this machine, about a minute", done, of))
     with clock.stage("solve"):
         built = build_problem(flight, tracks, measured, models, opened.origin)
-        progress("solve", 0, 1)
-        solution = solve(built.problem, chosen)
-        progress("solve", 1, 1)
-    clock.seconds["solver"] = solution.seconds
-    notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
-    results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
+        solution = solve(built.problem, chosen, part=clock.stage)
+    with clock.stage("results"):
+        notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
+        results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
     with clock.stage("pictures"):
         results = with_pictures(flight, results, progress=progress)
     with clock.stage("write"):
