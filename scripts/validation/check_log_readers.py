@@ -156,13 +156,51 @@ def check_dataflash(path: Path) -> Tally:
     return tally
 
 
-def dataflash_places(path: Path, names: set[str]) -> set[tuple[int, str]]:
-    """Where our reader finds messages of which kind."""
+Messages = dict[tuple[int, str], dict[str, Any]]
+"""Place and name of each message -> its values."""
+
+
+def our_messages(path: Path, names: set[str]) -> Messages:
+    """What our reader finds; none where it refuses."""
     try:
-        found = read_dataflash(path, wanted=tuple(names)).tables
+        tables = read_dataflash(path, wanted=tuple(names)).tables
     except InputFileError:
-        return set()
-    return {(int(place), name) for name, table in found.items() for place in table.place}
+        return {}
+    found: Messages = {}
+    for name, table in tables.items():
+        columns = {field: column.tolist() for field, column in table.columns.items()}
+        for row, place in enumerate(table.place.tolist()):
+            found[place, name] = {field: column[row] for field, column in columns.items()}
+    return found
+
+
+def good(found: Messages, true: Messages) -> set[tuple[int, str]]:
+    """The true ones among messages: those with most of the true fields, and true values in all of these."""
+    return {key for key, its in found.items() if key in true and bears_out(its, true[key])}
+
+
+def bears_out(its: dict[str, Any], true: dict[str, Any]) -> bool:
+    """Whether values under true names are true."""
+    common = its.keys() & true.keys()
+    return 2 * len(common) >= len(true) and all(same_value(its[name], true[name]) for name in common)
+
+
+def same_value(one: Any, other: Any) -> bool:
+    """Whether two values are one; texts up to their first zero, no number being no number."""
+    if isinstance(one, str | bytes) and isinstance(other, str | bytes):
+        return bool(text_of(one) == text_of(other))
+    a, b = np.asarray(one), np.asarray(other)
+    return bool(a.shape == b.shape and np.all((a == b) | ((a != a) & (b != b))))
+
+
+def text_of(value: str | bytes) -> str:
+    """As DFReader tells it."""
+    if isinstance(value, str):
+        return value.split("\0")[0]
+    try:
+        return value.decode("utf-8").split("\0")[0]
+    except UnicodeDecodeError:
+        return value.decode("ISO-8859-1").split("\0")[0]
 
 
 def defines(whole: bytes, at: int, kinds: Mapping[int, Layout]) -> bool:
@@ -187,19 +225,22 @@ def check_broken_dataflash(path: Path, folder: Path, runs: int) -> Counter[str]:
     """Good messages of both readers over `runs` broken definitions, and in how many ours finds fewer, or wrong ones."""
     whole, tally = path.read_bytes(), Counter[str]()
     names = {layout.name for layout in layouts_of(whole, upto=len(whole)).values()}
-    true = dataflash_places(path, names)
+    true = our_messages(path, names)  # each the same as DFReader's, as `check_dataflash` has told
     for run in range(runs):
-        broken = folder / "broken.bin"
         content, place = broken_dataflash(whole, np.random.default_rng([run, SEED]))
+        broken = folder / "broken.bin"
         broken.write_bytes(content)
-        good = true - {(place, "FMT")}  # that one says something else now
-        changed = {layout.name for layout in layouts_of(content, upto=len(whole)).values()}
-        ours = dataflash_places(broken, names | changed)
-        theirs = {(place, message.get_type()) for place, message in dfreader_messages(broken)}
-        mine, its = len(ours & good), len(theirs & good)
-        tally += Counter({"runs": 1, "ours": mine, "theirs": its, "fewer": int(mine < its)})
-        if mine < its:
-            print(f"    run {run}: {mine} of ours, {its} of DFReader's; lacking {sorted((theirs & good) - ours)[:3]}")
+        rest = {key: values for key, values in true.items() if key != (place, "FMT")}  # that one says something else
+        changed = {layout.name for layout in layouts_of(content, upto=len(content)).values()}
+        ours = our_messages(broken, names | changed)
+        theirs: Messages = {(at, m.get_type()): fields_of(m) for at, m in dfreader_messages(broken)}
+        mine, its = good(ours, rest), good(theirs, rest)
+        fewer = its - mine if len(mine) < len(its) else set()
+        tally += Counter({"runs": 1, "ours": len(mine), "theirs": len(its), "fewer": int(bool(fewer)),
+                          "ours wrong": len(ours.keys() & rest.keys()) - len(mine),
+                          "theirs wrong": len(theirs.keys() & rest.keys()) - len(its)})  # fmt: skip
+        if fewer:
+            print(f"    run {run}: {len(mine)} of ours, {len(its)} of DFReader's; lacking {sorted(fewer)[:3]}")
     return tally
 
 

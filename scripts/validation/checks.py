@@ -156,6 +156,13 @@ CHECKS = (
         says="1000 corruptions each of two kinds of log, beside pymavlink",
     ),
     Check(
+        name="log-readers",
+        module="check_log_readers",
+        minutes=6,
+        says="real logs beside pymavlink and pyulog: every message and value, and with broken definitions",
+        needs="a folder of logs as --real FOLDER",
+    ),
+    Check(
         name="log-fuzzing",
         module="check_log_corruption",
         arguments=("--fuzz", "10"),

@@ -148,6 +148,8 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ("definitions", "DataFlash new"): (
         f"{MORE}::test_a_declared_length_is_stepped_over",
         f"{MORE}::test_a_later_definition_holds_for_later_messages",
+        f"{MORE}::test_a_flipped_bit_in_a_field_s_name_or_behind_it_costs_nothing_else",
+        f"{MORE}::test_a_definition_that_is_lost_costs_no_other_messages",
     ),
     ("definitions", "ULog"): (f"{OWN}::test_px4_fields_of_old_and_new_firmware",),
     ("definitions", "SRT"): (f"{MORE}::test_dialects_of_subtitles",),

@@ -106,14 +106,11 @@ def layout_of(data: Bytes, message: bytes) -> Layout | None:
     if len(message) < FMT_BYTES:
         return None
     kind, length = message[3], message[4]
-    try:
-        name, letters, fields = (
-            part.rstrip(b"\0").decode("ascii") for part in (message[5:9], message[9:25], message[25:89])
-        )
-    except UnicodeDecodeError:
-        return None
+    name, letters, fields = (  # up to the first zero: what stands behind it is no text
+        part.split(b"\0")[0].decode("latin-1") for part in (message[5:9], message[9:25], message[25:89])
+    )
     layout = Layout(kind=kind, name=name, length=length, letters=letters, fields=tuple(fields.split(",")))
-    if not name.isalnum() or not all(layout.fields) or length < HEAD_BYTES:
+    if not (name.isascii() and name.isalnum()) or not all(layout.fields) or length < HEAD_BYTES:
         return None
     told = layout.letters_bytes
     if told == length:
