@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -38,13 +39,16 @@ def input_hashes(flight: Flight) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that shape a result."""
-    found = {}
-    for name in NAMED_PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+    return {name: _version(name) for name in NAMED_PACKAGES}
+
+
+@cache
+def _version(name: str) -> str:
+    """As it was when first asked: what is loaded stays what it is."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def decisive() -> dict[str, str]:

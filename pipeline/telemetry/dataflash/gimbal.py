@@ -53,11 +53,13 @@ def gimbal_attitude(
 
 
 def _instances(table: MessageTable) -> list[int]:
-    return np.unique(table.floats("I")).astype(int).tolist() if "I" in table else [0]
+    told = table.floats("I")
+    return np.unique(told[np.abs(told) < 1 << 31]).astype(int).tolist() or [0]
 
 
 def _of_instance(table: MessageTable, instance: int) -> MessageTable:
-    return table.only(np.asarray(table.floats("I") == instance)) if "I" in table else table
+    told = table.floats("I")
+    return table.only(np.asarray(told == instance)) if np.isfinite(told).any() else table
 
 
 def _apart(first: GimbalSeries | None, second: GimbalSeries | None, body: AttitudeSeries | None) -> bool:

@@ -33,11 +33,12 @@ def time_of(table: MessageTable) -> Floats:
 
 
 def first_instance(table: MessageTable | None) -> tuple[MessageTable | None, int]:
-    """The messages of the first instance, where messages name one; and how many instances there are."""
-    if table is None or "I" not in table:
-        return table, 0 if table is None else 1
+    """The messages of the first instance, where messages name one by a number; and how many instances there are."""
+    if table is None:
+        return None, 0
     instance = table.floats("I")
-    return table.only(np.asarray(instance == instance.min())), len(np.unique(instance))
+    named = np.unique(instance[np.isfinite(instance)])
+    return (table, 1) if not len(named) else (table.only(np.asarray(instance == named[0])), len(named))
 
 
 def gps_in_use(raw: RawLog) -> MessageTable | None:

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints, whole_numbers
 from pipeline.geometry import rotation
 from pipeline.telemetry.log.flight_log import BODY, EARTH, HEADING, AttitudeSeries, GimbalSeries
 
@@ -50,14 +50,14 @@ FRAME_NAMES = {
 
 def frame_of_flags(flags: Floats) -> Ints:
     """EARTH or HEADING (n,) of GIMBAL_DEVICE_FLAGS."""
-    bits = np.nan_to_num(flags).astype(np.int64)
+    bits = whole_numbers(flags)
     earth = np.where(states_frame(flags), (bits & YAW_IN_VEHICLE_FRAME) == 0, (bits & YAW_LOCK) != 0)
     return np.where(earth, EARTH, HEADING)
 
 
 def states_frame(flags: Floats) -> Bools:
     """Whether flags (n,) say what yaw counts from, by the bits that newer definitions have for it."""
-    bits = np.nan_to_num(flags).astype(np.int64)
+    bits = whole_numbers(flags)
     return np.asarray((bits & (YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME)) != 0)
 
 

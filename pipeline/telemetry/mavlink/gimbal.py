@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints, whole_numbers
 from calibration.foundation.errors import UsageError
 from pipeline.geometry import rotation
 from pipeline.telemetry.gimbals.frames import (
@@ -105,7 +105,7 @@ def _no_gimbal(vehicle: Vehicle, asked: int, codes: list[int]) -> UsageError:
 
 def gimbal_of(table: MessageTable) -> Ints:
     """Which gimbal each message (n,) is of: its component * 256 + its device."""
-    device = np.nan_to_num(table.floats("gimbal_device_id")).astype(np.int64)
+    device = whole_numbers(table.floats("gimbal_device_id"))
     return np.asarray(table.component.astype(np.int64) << 8 | device)
 
 
@@ -123,7 +123,7 @@ def _device(vehicle: Vehicle, table: MessageTable, body: AttitudeSeries | None) 
     flags = table.floats("flags")
     frame = frame_of_flags(flags)
     q = np.asarray(table.columns["q"], float)
-    broken = (np.nan_to_num(table.floats("failure_flags")).astype(np.int64) & ENCODER_ERROR) != 0
+    broken = (whole_numbers(table.floats("failure_flags")) & ENCODER_ERROR) != 0
     q = np.where(broken[:, None], np.nan, q)
     who = AUTOPILOT_NAMES.get(vehicle.autopilot, "")
     own = bool(who) and bool(np.all(table.component == vehicle.component))

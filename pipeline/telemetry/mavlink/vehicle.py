@@ -36,12 +36,13 @@ class Vehicle:
         return -1 if table is None else int(np.median(table.floats("autopilot")))
 
     def parameter(self, name: str) -> float | None:
-        """A parameter of the autopilot as it was sent last; None where it was not."""
+        """A parameter of the autopilot as it was sent last; None where it was not, or is no number."""
         table = self.own("PARAM_VALUE")
         if table is None:
             return None
         mine = np.flatnonzero([_text(value) == name for value in table.columns["param_id"].tolist()])
-        return float(table.floats("param_value")[mine[-1]]) if len(mine) else None
+        value = float(table.floats("param_value")[mine[-1]]) if len(mine) else np.nan
+        return value if np.isfinite(value) else None
 
     def own(self, name: str) -> MessageTable | None:
         """Messages of the autopilot itself."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, whole_numbers
 from calibration.foundation.errors import UsageError
 from pipeline.geometry import rotation
 from pipeline.telemetry.gimbals.frames import (
@@ -77,7 +77,7 @@ def _gimbals(instances: dict[int, Topic]) -> dict[int, Topic]:
     """The messages of each gimbal, by its device's number where it has one, else by its instance."""
     found: dict[int, Topic] = {}
     for number, topic in instances.items():
-        device = np.nan_to_num(floats(topic, "gimbal_device_id")).astype(int)
+        device = whole_numbers(floats(topic, "gimbal_device_id"))
         for one in np.unique(device).tolist():
             rows = device == one
             mine = topic if rows.all() else {name: np.asarray(column)[rows] for name, column in topic.items()}
@@ -102,7 +102,7 @@ def _device(name: str, topic: Topic, body: AttitudeSeries | None) -> tuple[Gimba
     time, flags = topic_time(topic), floats(topic, "device_flags")
     outputs = (flags == OUTPUT_FLAGS) & (np.nan_to_num(floats(topic, "received_from_mavlink")) == 0)
     frame, notes = as_outputs(name, "PX4", frame_of_flags(flags), flags, outputs)
-    broken = (np.nan_to_num(floats(topic, "failure_flags")).astype(np.int64) & ENCODER_ERROR) != 0
+    broken = (whole_numbers(floats(topic, "failure_flags")) & ENCODER_ERROR) != 0
     attitude = np.where(broken[:, None], np.nan, _quaternion(topic))
     series = gimbal_series(source=name, time_s=time, attitude=attitude, frame=frame)
     series, north = own_north(series, floats(topic, "delta_yaw")[np.argsort(time, kind="stable")], body)
