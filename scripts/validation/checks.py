@@ -227,6 +227,12 @@ CHECKS = (
         says="one solve of three sizes, beside Li's method and (where ceres_map is installed) Ceres",
     ),
     Check(
+        name="flight-speed",
+        module="bench_flight",
+        minutes=6,
+        says="`runningfix solve` on flight files of three sizes, poses by frame, by time and from logs, beside Ceres",
+    ),
+    Check(
         name="solver-hour",
         module="bench_solver",
         arguments=("--sizes", "4x5625x4,4x22500x4,4x90000x4"),

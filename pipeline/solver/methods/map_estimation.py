@@ -17,8 +17,8 @@ import numpy as np
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.adjustment.log_poses import Renew
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.adjustment.renewal import renewing
 from pipeline.solver.methods.clock_drift import drifting, with_drift
 from pipeline.solver.methods.initialisation import (
     TRIED,
@@ -65,10 +65,10 @@ class Adjusted:
 
 def adjust(
     problem: Problem, settings: SolverSettings, frames: Frames, found: tuple[OffsetCandidate, ...],
-    progress: Progress | None = None,
+    progress: Progress | None = None, renew: Renew | None = None,
 ) -> Adjusted:  # fmt: skip
-    """The whole of `map` up to the optimum, from the offsets `found`."""
-    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renewing(problem))
+    """The whole of `map` up to the optimum, from the offsets `found`; `renew` is `renewing(problem)`."""
+    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renew)
     choice = first_choice(problem, settings.method)
     small = ROUGHLY if "spline" in choice.kinds else SMALL
 
