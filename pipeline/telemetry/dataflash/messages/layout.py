@@ -124,6 +124,12 @@ def layout_of(data: Bytes, message: bytes) -> Layout | None:
     return layout if declared else None
 
 
+def bears_itself_out(message: bytes) -> bool:
+    """Whether an FMT is whole by what it says: printable text, and a length that its letters come to."""
+    layout = layout_of(b"", message)
+    return layout is not None and layout.letters_bytes == layout.length and all(map(str.isprintable, layout.fields))
+
+
 def _followed(data: Bytes, kind: int, length: int) -> int:
     """How many of the first messages of a kind would be followed by another message if they had this length."""
     head, found, at = bytes([*FMT_HEAD[:2], kind]), 0, 0

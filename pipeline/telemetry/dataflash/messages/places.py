@@ -12,7 +12,7 @@ from calibration.foundation.arrays import Ints
 from calibration.foundation.compiled import AVAILABLE
 from pipeline.telemetry.dataflash.messages.chain import SEGMENT_BYTES, chain, first_message
 from pipeline.telemetry.dataflash.messages.doubt import is_whole
-from pipeline.telemetry.dataflash.messages.layout import FMT_KIND, Layout
+from pipeline.telemetry.dataflash.messages.layout import FMT_BYTES, FMT_KIND, Layout, bears_itself_out
 from pipeline.telemetry.log.byte_ranges import Pieces, share_read
 from pipeline.telemetry.log.mapped_file import Bytes, taken
 from pipeline.telemetry.log.tables import Progress
@@ -117,11 +117,15 @@ def judged(source: npt.NDArray[np.uint8], layouts: Mapping[int, Layout], found: 
     doubtful = np.flatnonzero(~believed)[:MOST_JUDGED]
     of_kind = {int(k): np.flatnonzero(believed & (found.kind == k)) for k in np.unique(found.kind[doubtful])}
     for i in doubtful.tolist():
+        at = int(found.place[i])
+        if found.kind[i] == FMT_KIND:
+            believed[i] = bears_itself_out(source[at : at + FMT_BYTES].tobytes())
+            continue
         layout, same = layouts[int(found.kind[i])], of_kind[int(found.kind[i])]
         middle = int(np.searchsorted(same, i))
         near = found.place[same[max(0, middle - NEAR) : middle + NEAR]]
         around = taken(source, near, layout.length).view(layout.dtype)
-        believed[i] = is_whole(source, int(found.place[i]), int(found.resumed[i]), layout, around)
+        believed[i] = is_whole(source, at, int(found.resumed[i]), layout, around)
     return replace(
         found,
         place=found.place[believed],
