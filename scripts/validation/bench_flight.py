@@ -82,9 +82,9 @@ def fly(cameras: int, frames: int, targets: int, seed: int = 0) -> Sortie:
     """The truth of a flight and its pixels."""
     rng = np.random.default_rng(seed)
     duration = frames / RATE_HZ
-    true = rng.normal(size=(targets, ORDER + 1, 3)) * [20.0, 20.0, 3.0]
+    true = rng.normal(size=(targets, ORDER + 1, 3)) * [10.0, 10.0, 2.0]
     for k in range(1, ORDER + 1):
-        fast = min(8.0 / 4 ** (k - 1), 40.0 / duration**k)
+        fast = min(8.0 / 4 ** (k - 1), 20.0 / duration**k)
         true[:, k] = rng.normal(size=(targets, 3)) * [1.0, 1.0, 0.1] * fast
     pixels, turns, centres, steps = [], [], [], []
     for c in range(cameras):

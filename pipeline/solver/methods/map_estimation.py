@@ -30,7 +30,7 @@ from pipeline.solver.methods.initialisation import (
     statistical_start,
 )
 from pipeline.solver.methods.known_motions import ground_gaps, renewed_known
-from pipeline.solver.methods.lone_stretches import Lone, confined, told
+from pipeline.solver.methods.lone_stretches import Lone, confined, none_alone, told
 from pipeline.solver.methods.model_selection import choose_motions
 from pipeline.solver.methods.parameters import BEND, MotionChoice, first_choice
 from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
@@ -89,7 +89,9 @@ def adjust(
             fit = continued(fit, descent)
         fit = along_the_ground(problem, fit, warm)
         fit, outliers = with_bounded_loss(fit, settings, descent)
-        fit, alone = without_lone_stretches(fit, choice, warm)
+        alone = none_alone(fit.model.frames)
+        if asked or "spline" in choice.kinds:
+            fit, alone = without_lone_stretches(fit, choice, warm)
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)

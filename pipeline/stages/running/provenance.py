@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Iterable
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.flight import Flight
+from pipeline.records import ImageTrack
 from pipeline.solver import how_compiled
 
 NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
@@ -17,6 +22,16 @@ def file_hash(path: Path) -> str:
     """SHA-256 of a file's content."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def tracks_hash(tracks: Iterable[ImageTrack]) -> str:
+    """SHA-256 of tracks, exactly."""
+    digest = hashlib.sha256()
+    for track in tracks:
+        digest.update(json.dumps([track.camera, track.target, len(track.frame)]).encode())
+        for column in (track.frame, track.time_s, track.xy_px, track.sigma_px, track.state, track.by_box):
+            digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
 
 
 def input_files(flight: Flight) -> dict[str, Path]:
