@@ -11,15 +11,16 @@ from setuptools import Extension, setup
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from native.units import FLAGS, NAME, PACKAGE, WIDE
+from native.units import FLAGS, LOOPS, NAME, WIDE
 
 
 def extensions() -> list[Extension]:
-    """One for every processor of the kind and, where that gains much, one for the better ones."""
+    """Of each package one for every processor of the kind and, where that gains much, one for the better ones."""
     wide = WIDE if platform.machine() in ("x86_64", "AMD64") and sys.platform != "win32" else {}
     flags = ("/O2", "/std:c11") if sys.platform == "win32" else FLAGS
     return [
-        Extension(f"{PACKAGE}.{name}", [], extra_compile_args=[*flags, *more], optional=True)
+        Extension(f"{package}.{name}", [], extra_compile_args=[*flags, *more], optional=True)
+        for package in LOOPS
         for name, more in {NAME: (), **wide}.items()
     ]
 

@@ -13,8 +13,9 @@ This package never imports `pipeline`.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from calibration.foundation.on_demand import on_demand
 
 if TYPE_CHECKING:
     from calibration.boards.board import Board
@@ -27,6 +28,29 @@ if TYPE_CHECKING:
     from calibration.report.pictures import pictures
     from calibration.stages.from_files import calibrate_files
     from calibration.stages.from_views import calibrate
+else:  # OpenCV and its kin take a fifth of a second
+    __getattr__ = on_demand(
+        __name__,
+        {
+            "Board": "boards.board",
+            "BoardView": "boards.view",
+            "CalibratedView": "judgement.result",
+            "Calibration": "judgement.result",
+            "CameraModel": "camera",
+            "DirectionSigma": "judgement.result",
+            "FORMATS": "camera_files.writing",
+            "RejectedView": "judgement.result",
+            "board_pdf": "boards.printing",
+            "board_svg": "boards.printing",
+            "calibrate": "stages.from_views",
+            "calibrate_files": "stages.from_files",
+            "calibration_page": "report.page",
+            "camera_json": "camera_files.writing",
+            "pictures": "report.pictures",
+            "read_camera": "camera_files.reading",
+            "write_camera": "camera_files.writing",
+        },
+    )
 
 __all__ = [
     "FORMATS",
@@ -47,30 +71,3 @@ __all__ = [
     "read_camera",
     "write_camera",
 ]
-
-_HOME = {
-    "Board": "boards.board",
-    "BoardView": "boards.view",
-    "CalibratedView": "judgement.result",
-    "Calibration": "judgement.result",
-    "CameraModel": "camera",
-    "DirectionSigma": "judgement.result",
-    "FORMATS": "camera_files.writing",
-    "RejectedView": "judgement.result",
-    "board_pdf": "boards.printing",
-    "board_svg": "boards.printing",
-    "calibrate": "stages.from_views",
-    "calibrate_files": "stages.from_files",
-    "calibration_page": "report.page",
-    "camera_json": "camera_files.writing",
-    "pictures": "report.pictures",
-    "read_camera": "camera_files.reading",
-    "write_camera": "camera_files.writing",
-}
-"""The module of each name: loaded when it is first asked for, as OpenCV and its kin take a fifth of a second."""
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -8,7 +8,7 @@ from pathlib import Path
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
 
-from native.units import PACKAGE, written
+from native.units import LOOPS, written
 
 ROOT = Path(__file__).resolve().parent.parent
 INSTALLED = "runningfix"
@@ -20,9 +20,10 @@ class BuildLoops(build_ext):
 
     def build_extension(self, ext: Extension) -> None:
         """One extension; its text goes to the build folder."""
-        source = Path(self.build_temp) / f"{ext.name.rpartition('.')[2]}.c"
+        package, _, name = ext.name.rpartition(".")
+        source = Path(self.build_temp) / package / f"{name}.c"
         source.parent.mkdir(parents=True, exist_ok=True)
-        source.write_text(written(ROOT, source.stem), encoding="utf-8")
+        source.write_text(written(ROOT, package, name), encoding="utf-8")
         ext.sources, self.force = [str(source)], True
         super().build_extension(ext)
 
@@ -32,8 +33,10 @@ class BuildLoops(build_ext):
         if self.inplace or self.editable_mode:
             return
         built = Path(self.build_lib)
-        for path in built.joinpath(*PACKAGE.split(".")).glob("_native*"):
-            place = built / INSTALLED / path.relative_to(built)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.move(path, place)
-        shutil.rmtree(built / PACKAGE.partition(".")[0], ignore_errors=True)
+        for package in LOOPS:
+            for path in built.joinpath(*package.split(".")).glob("_native*"):
+                place = built / INSTALLED / path.relative_to(built)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                shutil.move(path, place)
+        for top in {package.partition(".")[0] for package in LOOPS}:
+            shutil.rmtree(built / top, ignore_errors=True)

@@ -38,3 +38,8 @@ def settle(record: object, **values: object) -> None:
     """Set fields of a frozen dataclass; for its own `__post_init__` only."""
     for name, value in values.items():
         object.__setattr__(record, name, value)
+
+
+def whole_numbers(values: Floats) -> Ints:
+    """Flags, states and numbers of things (n,), read from elsewhere: what is no number, or beyond 32 bits, is 0."""
+    return np.where(np.abs(values) < 1 << 32, values, 0.0).astype(np.int64)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 
@@ -14,3 +16,12 @@ class Progress(Protocol):
 
 def silent(stage: str, done: int, total: int) -> None:
     """Tells nobody."""
+
+
+Part = Callable[[str], AbstractContextManager[None]]
+"""What is told that a part of a computation, by its name, lasts as long as the block."""
+
+
+def uncounted(name: str) -> AbstractContextManager[None]:
+    """Tells nobody."""
+    return nullcontext()

@@ -1,14 +1,16 @@
 """Where the command line speaks: results on standard output, everything else on standard error.
 
-On a terminal: one bar for each stage that runs. Elsewhere: a line at most every `LINE_EVERY_S` seconds, so that a log
-shows what is done and that it goes on.
+On a terminal: one bar for each stage that runs. Elsewhere: a line every `LINE_EVERY_S` seconds, so that a log shows
+what is done and that it goes on, also where one step takes minutes.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
 import sys
+import threading
 import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -40,11 +42,21 @@ class OutputClosedError(WriteError):
 class Console:
     """Messages, the progress of each stage, and results."""
 
-    def __init__(self, *, quiet: bool = False, verbose: bool = False, as_json: bool = False) -> None:
+    def __init__(
+        self, *, quiet: bool = False, verbose: bool = False, as_json: bool = False, age_s: float = 0.0
+    ) -> None:
+        """`age_s` is how long ago the command was given."""
         self.quiet, self.verbose, self.as_json = quiet, verbose, as_json
         self.bars: dict[str, TaskID] = {}
         self.drawn: Progress | None = None
         self.told_s = time.monotonic()
+        self.began_s = self.told_s - age_s
+        self.doing = ""
+        self.ended: threading.Event | None = None
+
+    def since_start_s(self) -> float:
+        """Seconds since the command was given."""
+        return time.monotonic() - self.began_s
 
     def say(self, text: str) -> None:
         """A message, unless quiet."""
@@ -66,22 +78,42 @@ class Console:
             return
         if sys.stderr.isatty():
             self._move(stage, done, total)
-        elif time.monotonic() - self.told_s >= LINE_EVERY_S:
-            self.told_s = time.monotonic()
-            share = f" of {total} ({100 * done / total:.0f} %)" if total else ""
-            self.say(f"{stage}: {done}{share}")
+            return
+        share = f" of {total} ({100 * done / total:.0f} %)" if total else ""
+        self.doing = f"{stage}: {done}{share}" if total != 1 else stage
+        if self.ended is None:
+            self.ended = threading.Event()
+            threading.Thread(target=self._keep_telling, args=(self.ended,), daemon=True).start()
+        if (total != 1 or done < total) and time.monotonic() - self.told_s >= LINE_EVERY_S:
+            self._tell()
+
+    def _tell(self) -> None:
+        self.told_s = time.monotonic()
+        self.say(self.doing)
+
+    def _keep_telling(self, ended: threading.Event) -> None:
+        """Says what is being done where nothing was said for long, until the end."""
+        told_s = self.told_s
+        while not ended.wait(LINE_EVERY_S):
+            if self.told_s == told_s:
+                self._tell()
+            told_s = self.told_s
 
     def _move(self, stage: str, done: int, total: int) -> None:
         if self.drawn is None:
             self.drawn = _bars()
             self.drawn.start()
+        known = total if total > 1 else None  # of one step no share is done: the bar goes to and fro
         if stage not in self.bars:
-            self.bars[stage] = self.drawn.add_task(stage, total=total or None)
+            self.bars[stage] = self.drawn.add_task(stage, total=known)
         ended = bool(total) and done >= total
-        self.drawn.update(self.bars[stage], completed=done, total=total or None, visible=not ended)
+        self.drawn.update(self.bars[stage], completed=done, total=known, visible=not ended)
 
     def close(self) -> None:
-        """Ends every bar."""
+        """Ends every bar, and the telling."""
+        if self.ended is not None:
+            self.ended.set()
+            self.ended = None
         if self.drawn is not None:
             self.drawn.stop()
         self.drawn = None
@@ -113,6 +145,16 @@ class Console:
         """One message for one mistake."""
         self.close()
         print(f"runningfix: {text}", file=sys.stderr)  # noqa: T201
+
+
+def process_age_s() -> float:
+    """Seconds since this process began; 0 where the system does not tell."""
+    try:
+        with open("/proc/self/stat") as file:
+            ticks = int(file.read().rpartition(")")[2].split()[19])  # starttime, proc(5)
+        return max(0.0, time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK"))
+    except (OSError, ValueError, IndexError, AttributeError):
+        return 0.0
 
 
 def paper() -> Drawn:

@@ -10,14 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calibration.foundation.errors import DID_NOT_CONVERGE
+from pipeline import stages
 from pipeline.cli.console import Console
 from pipeline.flight import read_flight
-from pipeline.stages import RunSummary, run_flight, run_poses, run_solve, run_track
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-ACTIONS = {"poses": run_poses, "solve": run_solve, "run": run_flight}
+    from pipeline.stages import RunSummary
+
+ACTIONS = {"track": "run_track", "poses": "run_poses", "solve": "run_solve", "run": "run_flight"}
+"""What each command calls of the stages, of which only that is loaded."""
 OFFSET, POSITION = ("camera", "offset_s", "offset_sigma_s"), ("target", "typical_sigma_m")
 FIGURES = ("status", "method", "iterations", "cost", "chi_square", "degrees_of_freedom", "message")
 
@@ -30,14 +33,15 @@ def run(arguments: Namespace, console: Console) -> int:
     if getattr(arguments, "tracker", None):
         flight = replace(flight, cameras=tuple(replace(c, tracker=arguments.tracker) for c in flight.cameras))
     console.detail(f"{arguments.command}: {len(flight.cameras)} cameras, {len(flight.targets)} targets -> {out}")
-    if arguments.command == "track":
-        summary = run_track(flight, out, overlay=arguments.overlay, progress=console.progress)
-    else:
-        summary = ACTIONS[arguments.command](flight, out, progress=console.progress)
+    action = getattr(stages, ACTIONS[arguments.command])
+    more = {"overlay": arguments.overlay} if arguments.command == "track" else {}
+    begun_s = console.since_start_s()
+    summary = action(flight, out, progress=console.progress, **more)
     for warning in summary.warnings:
         console.say(f"note: {warning}")
     solution = solved_in(out) if arguments.command in ("solve", "run") else None
     report = {**machine_summary(summary, out, solution), "command": arguments.command}
+    report["seconds"] = {"start": round(begun_s, 6), **report["seconds"], "total": round(console.since_start_s(), 6)}
     console.result(report, words(report, out, solution))
     return DID_NOT_CONVERGE if solution and solution["verdict"]["grade"] == "bad" else 0
 

@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.command is None:
         parser.print_help(sys.stderr)
         return BAD_USAGE
-    return run(arguments, given)
+    return run(arguments, given, whole_process=argv is None)
 
 
 def _refused(given: list[str], error: Exception) -> int:
@@ -64,13 +64,17 @@ def _refused(given: list[str], error: Exception) -> int:
     return through_door(given[0] if given else "", fail, Console(as_json="--json" in given))
 
 
-def run(arguments: Namespace, given: Sequence[str] = ()) -> int:
-    """The command's action, with whatever goes wrong turned into one message and an exit code."""
-    from pipeline.cli.console import Console
+def run(arguments: Namespace, given: Sequence[str] = (), *, whole_process: bool = False) -> int:
+    """The command's action, with whatever goes wrong turned into one message and an exit code.
+
+    `whole_process` says that the process does nothing else, so that its start is the command's.
+    """
+    from pipeline.cli.console import Console, process_age_s
     from pipeline.cli.door import check_arguments, mend_streams, through_door
 
     mend_streams()
-    console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json)
+    age_s = process_age_s() if whole_process else 0.0
+    console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json, age_s=age_s)
 
     def act() -> int:
         check_arguments(list(given))

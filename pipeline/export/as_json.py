@@ -13,10 +13,10 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from calibration.foundation.arrays import Floats
 from pipeline.export.text.cells import utc_texts
+from pipeline.geometry.splines import spline
 from pipeline.records import (
     Bias,
     Clock,
@@ -319,8 +319,9 @@ def _power_covariance(motion: Motion, epoch_s: float, degree: int) -> Floats:
     if motion.covariance_band is None:
         raise ValueError("no covariance to turn")
     p = degree + 1
-    basis = BSpline(motion.knots_s, np.eye(p), degree)
-    power_from_spline = np.array([basis(epoch_s, nu=k) / math.factorial(k) for k in range(p)])
+    at, knots = np.array([epoch_s]), motion.knots_s
+    rows = [spline(knots, np.eye(p), degree, at, k)[0] / math.factorial(k) for k in range(p)]
+    power_from_spline = np.array(rows)
     full = np.zeros((p, p, 3, 3))
     for i in range(p):
         for j in range(p - i):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from calibration.foundation.arrays import Floats, frozen, settle
+from pipeline.geometry.splines import acting, interval_of, spline
 
 MotionKind = Literal["polynomial", "spline"]
 MotionAsked = Literal["auto", "polynomial", "spline"]
@@ -51,40 +51,22 @@ class Motion:
 
     def position_enu_m(self, time_s: Floats, derivative: int = 0) -> Floats:
         """Position (n, 3), or its time derivative (m/s, m/s^2, ...), at common times (n,)."""
-        from scipy.interpolate import BSpline  # slow to import, and most records hold no spline
-
-        spline = BSpline(self.knots_s, self.coefficients, self.degree)
-        return np.asarray(spline(np.asarray(time_s, float), nu=derivative))
+        return spline(self.knots_s, self.coefficients, self.degree, np.asarray(time_s, float), derivative)
 
     def position_covariance(self, time_s: Floats) -> Floats:
         """Covariance (n, 3, 3) of the position at common times (n,), m^2; NaN where none was determined."""
         time = np.asarray(time_s, float)
         if self.covariance_band is None:
             return np.full((len(time), 3, 3), np.nan)
-        k, p = self.degree, len(self.coefficients)
-        first = np.clip(np.searchsorted(self.knots_s, time, side="right") - 1, k, p - 1) - k
-        weight = self._basis(time, first)
+        k = self.degree
+        interval = interval_of(self.knots_s, k, time)
+        first, weight = interval - k, acting(self.knots_s, k, interval, time)
         total = np.zeros((len(time), 3, 3))
         for i in range(k + 1):
             for j in range(k + 1 - i):
                 block = self.covariance_band[first + i, j] * (weight[:, i] * weight[:, i + j])[:, None, None]
                 total += block if j == 0 else block + np.swapaxes(block, 1, 2)
         return total
-
-    def _basis(self, time: Floats, first: npt.NDArray[np.int64]) -> Floats:
-        """The degree + 1 basis functions (n, degree + 1) that are not zero at `time`, by de Boor's recursion."""
-        knots, k = self.knots_s, self.degree
-        span = first + k
-        weight = np.ones((len(time), 1))
-        for d in range(1, k + 1):
-            grown = np.zeros((len(time), d + 1))
-            for r in range(d):
-                low, high = knots[span - d + 1 + r], knots[span + 1 + r]
-                share = weight[:, r] / (high - low)
-                grown[:, r] += (high - time) * share
-                grown[:, r + 1] += (time - low) * share
-            weight = grown
-        return weight
 
     def power_coefficients(self, epoch_s: float = 0.0) -> Floats:
         """The paper's a_k, b_k, c_k (K + 1, 3): position = sum of row k times (t - epoch)^k. Polynomials only."""

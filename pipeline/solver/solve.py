@@ -23,6 +23,7 @@ import numpy as np
 from calibration.foundation.compiled import announced
 from calibration.foundation.compiled import how_compiled as how_module_compiled
 from calibration.foundation.errors import GeometryError
+from calibration.foundation.progress import Part, uncounted
 from pipeline.records import Finding, OffsetCandidate, Problem, Solution, SolverSettings
 from pipeline.solver.adjustment import _kernels, compiled_descent
 from pipeline.solver.adjustment.assembly import linear
@@ -44,9 +45,12 @@ from pipeline.solver.observability.magnitudes import check_magnitudes
 from pipeline.solver.observation.observations import Frames, metric, pack, with_poses_of
 from pipeline.solver.observation.rolling_shutter import has_rows, with_rows
 from pipeline.solver.observation.selection import without_landmarks, without_targets
-from pipeline.solver.offset_search.views import views
+from pipeline.solver.offset_search._frame_sums import frame_sums
+from pipeline.solver.offset_search.views import View, views
 from pipeline.solver.uncertainty.covariance import Inverse
 
+RENEWING = ("algorithm-1", "algorithm-2", "map")
+"""Methods that move clocks' rates or the starts of videos, and so take poses from logs anew."""
 LI_ROUNDS = 500
 LOW_WEIGHT, FIFTH = 0.5, 0.2
 """Weight below which a sighting hardly counts, and the share of them from which on that is said."""
@@ -58,20 +62,24 @@ Finish = Callable[[], Outcome]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Asked:
-    """What a method is asked: `starts` are the offsets to begin at, best first."""
+    """What a method is asked: `starts` are the offsets to begin at, best first, `renew` what it takes anew."""
 
     problem: Problem
     settings: SolverSettings
     frames: Frames
     starts: tuple[OffsetCandidate, ...]
     progress: Progress | None
+    renew: Renew | None = None
 
 
-def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | None = None) -> Solution:
+def solve(
+    problem: Problem, settings: SolverSettings, *, progress: Progress | None = None, part: Part = uncounted
+) -> Solution:
     """Adjust `problem` by `settings.method`.
 
-    `progress` is called with (iteration, cost). `Solution.seconds` counts the numerical solve alone: from packed
-    arrays to the optimum, without the search of offsets, the covariances and the making of the record.
+    `progress` is called with (iteration, cost), `part` told of "search", "solver" and "judge" in turn.
+    `Solution.seconds` counts the numerical solve alone: from packed arrays to the optimum, without the search of
+    offsets, the covariances and the making of the record.
 
     Raises GeometryError where the sightings cannot determine the answer; what a prior decides is a finding. Not
     converging is a status, not an error.
@@ -79,12 +87,13 @@ def solve(problem: Problem, settings: SolverSettings, *, progress: Progress | No
     check_magnitudes(problem)
     checks = [t.target for t in problem.targets if t.check]
     if not checks:
-        return _without_the_undetermined(problem, settings, progress)
+        return _without_the_undetermined(problem, settings, progress, part)
     adjusted = without_targets(problem, checks)
     if adjusted is None:
         raise _nothing_but_checks(checks)
-    solution = _without_the_undetermined(adjusted, settings, progress)
-    return with_check_points(problem, settings, solution)
+    solution = _without_the_undetermined(adjusted, settings, progress, part)
+    with part("judge"):
+        return with_check_points(problem, settings, solution)
 
 
 def _nothing_but_checks(checks: list[str]) -> GeometryError:
@@ -116,12 +125,14 @@ def with_check_points(problem: Problem, settings: SolverSettings, solution: Solu
     return with_landmarks(with_findings(solution, left), found)
 
 
-def _without_the_undetermined(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
+def _without_the_undetermined(
+    problem: Problem, settings: SolverSettings, progress: Progress | None, part: Part = uncounted
+) -> Solution:
     """The adjustment without the targets that it cannot determine, each of which is said."""
     left: list[Finding] = []
     while True:
         try:
-            solution = _safely(problem, settings, progress)
+            solution = _safely(problem, settings, progress, part)
             return with_findings(solution, tuple(left))
         except GeometryError as error:
             name = next((t.target for t in problem.targets if error.where == f"target {t.target}"), None)
@@ -141,11 +152,11 @@ def _left_out(target: str, error: GeometryError) -> Finding:
     )
 
 
-def _safely(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
+def _safely(problem: Problem, settings: SolverSettings, progress: Progress | None, part: Part) -> Solution:
     """`_solved`, whose mathematics may find no finite answer."""
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return _solved(problem, settings, progress)
+            return _solved(problem, settings, progress, part)
     except NO_FINITE_ANSWER as error:
         raise GeometryError(
             where=f"method {settings.method}",
@@ -155,18 +166,29 @@ def _safely(problem: Problem, settings: SolverSettings, progress: Progress | Non
         ) from error
 
 
-def _solved(problem: Problem, settings: SolverSettings, progress: Progress | None) -> Solution:
-    seen = views(without_landmarks(problem))
-    find_degeneracies(problem, settings, seen=seen)
-    frames = with_rows(problem, pack(problem))
-    method = METHODS[settings.method]
-    starts = candidates(without_landmarks(problem), settings)
-    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
+def _solved(problem: Problem, settings: SolverSettings, progress: Progress | None, part: Part) -> Solution:
+    with part("search"):
+        seen = views(without_landmarks(problem))
+        find_degeneracies(problem, settings, seen=seen)
+        frames = with_rows(problem, pack(problem))
+        starts = candidates(without_landmarks(problem), settings)
+        renew = renewing(problem) if settings.method in RENEWING else None
+    asked = Asked(
+        problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress), renew=renew
+    )
     compiled_descent.warm()
-    began = time.perf_counter()
-    found = method(asked)
-    seconds = time.perf_counter() - began
-    outcome = found()
+    with part("solver"):
+        began = time.perf_counter()
+        found = METHODS[settings.method](asked)
+        seconds = time.perf_counter() - began
+    with part("judge"):
+        return _judged(problem, settings, found(), seconds, seen)
+
+
+def _judged(
+    problem: Problem, settings: SolverSettings, outcome: Outcome, seconds: float, seen: Mapping[str, View]
+) -> Solution:
+    """The record of what a method found, with what it leaves open and its verdict."""
     solution = solution_of(problem, settings, outcome, seconds)
     orders = {m.target: m.degree for m in solution.motions if m.kind == "polynomial"}
     covariance = solution.shared_covariance
@@ -212,8 +234,9 @@ COMPILED = 26
 
 
 def how_compiled() -> str:
-    """How the solver's loops are compiled: "ahead", "when called", or "no"."""
-    return how_module_compiled(_kernels.__name__)
+    """How the solver's loops are compiled: "ahead", "when called", or "no"; the least where some are otherwise."""
+    modules = (_kernels.__name__, frame_sums.__module__)
+    return min((how_module_compiled(name) for name in modules), key=("no", "when called", "ahead").index)
 
 
 def make_ready(told: Callable[[int, int], None]) -> None:
@@ -221,6 +244,8 @@ def make_ready(told: Callable[[int, int], None]) -> None:
 
     It is only told where there is something to compile: not where the installation brings the loops compiled.
     """
+    if how_compiled() != "when called":
+        return
     begun: list[str] = []
 
     def say(name: str) -> None:
@@ -261,9 +286,7 @@ def _li(asked: Asked) -> Finish:
 
 def _algorithm(asked: Asked) -> Finish:
     model, state = _paper_start(asked, asked.starts[0].offset_s, asked.starts[0].frame_rate)
-    descent = Descent(
-        max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=renewing(asked.problem)
-    )
+    descent = Descent(max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=asked.renew)
     small = EARLY if model.pose.free else SMALL
     return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent, small=small))
 
@@ -309,7 +332,9 @@ def _triangulation(asked: Asked) -> Finish:
 
 
 def _map(asked: Asked) -> Finish:
-    found = map_estimation.adjust(asked.problem, asked.settings, asked.frames, asked.starts, asked.progress)
+    found = map_estimation.adjust(
+        asked.problem, asked.settings, asked.frames, asked.starts, asked.progress, asked.renew
+    )
     return partial(map_estimation.outcome, found)
 
 

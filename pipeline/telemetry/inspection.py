@@ -84,7 +84,7 @@ def inspect_log(log: FlightLog) -> Inspection:
 
 def _facts(what: str, source: str, time_s: Floats, valid_s: Floats) -> SeriesFacts:
     step = np.diff(valid_s)
-    moving = step[step > 0]
+    moving = step[step > np.finfo(float).tiny]
     nothing = float("nan")
     return SeriesFacts(
         what=what,

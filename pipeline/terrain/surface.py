@@ -8,7 +8,6 @@ detail grows in proportion to its size), and root of 8/15 of that on average alo
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 
 from calibration.foundation.arrays import Bools, Floats
 from pipeline.terrain.mapping import Smooth
@@ -59,11 +58,15 @@ def _filled(heights: Floats, known: Bools) -> Floats:
     """Voids as high as the nearest cell that is known."""
     if known.all():
         return heights
-    near = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    from scipy.ndimage import distance_transform_edt  # slow to import
+
+    near = distance_transform_edt(~known, return_distances=False, return_indices=True)
     return np.asarray(heights[tuple(near)])
 
 
 def _roughness(heights: Floats) -> Floats:
+    from scipy.ndimage import uniform_filter  # slow to import
+
     square = np.zeros(heights.shape, dtype=np.float32)
     for axis in range(2):
         if heights.shape[axis] > 2:
@@ -74,4 +77,4 @@ def _roughness(heights: Floats) -> Floats:
                 off.astype(np.float32) ** 2, [(1, 1) if i == axis else (0, 0) for i in range(2)], mode="edge"
             )
             square += padded
-    return np.asarray(HALF * ALONG * np.sqrt(ndimage.uniform_filter(square, NEIGHBOURS, mode="nearest")))
+    return np.asarray(HALF * ALONG * np.sqrt(uniform_filter(square, NEIGHBOURS, mode="nearest")))

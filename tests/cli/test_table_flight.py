@@ -50,7 +50,15 @@ def test_json_summary_of_solve(done, capsys):
     said = json.loads(capsys.readouterr().out)
     assert said["method"] == "map"
     assert {"iterations", "cost", "chi_square", "degrees_of_freedom", "warnings", "files"} <= said.keys()
-    assert said["seconds"]["solver"] > 0
+    seconds = said["seconds"]
+    assert list(seconds) == [
+        "start", "check", "read", "poses", "compile", "search", "solver", "judge", "solve", "results", "pictures",
+        "write", "total",
+    ]  # fmt: skip
+    inside = seconds["search"] + seconds["solver"] + seconds["judge"]
+    assert 0.9 * seconds["solve"] < inside <= seconds["solve"]
+    told = sum(seconds.values()) - inside - seconds["total"]
+    assert 0.95 * seconds["total"] < told <= seconds["total"]
 
 
 def test_another_method_needs_no_new_tracking(done, capsys):

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
+from pipeline.geometry.splines import acting
 from pipeline.records import Motion
 from pipeline.records.motion import MotionKind
 
@@ -111,25 +112,11 @@ def _nodes(degree: int) -> Floats:
     return np.asarray(np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)))
 
 
-def _acting_values(knots: Floats, degree: int, interval: Ints, time: Floats) -> Floats:
-    """The degree + 1 B-splines (..., degree + 1) that act in knot `interval`, at `time`, by de Boor's recursion."""
-    value = np.ones((*time.shape, 1))
-    for d in range(1, degree + 1):
-        grown = np.zeros((*time.shape, d + 1))
-        for r in range(d):
-            low, high = knots[interval - d + 1 + r], knots[interval + 1 + r]
-            share = value[..., r] / (high - low)
-            grown[..., r] += (high - time) * share
-            grown[..., r + 1] += (time - low) * share
-        value = grown
-    return value
-
-
 def _spline_transform(grid: Floats, knots: Floats, interval: Ints, greatest: int) -> Floats:
     """(S, greatest + 1, 4) from the acting B-spline coefficients to the span's power series."""
     u = _nodes(greatest)
     time = 0.5 * (grid[1:] + grid[:-1])[:, None] + 0.5 * np.diff(grid)[:, None] * u
-    values = _acting_values(knots, SPLINE_DEGREE, np.broadcast_to(interval[:, None], time.shape), time)
+    values = acting(knots, SPLINE_DEGREE, np.broadcast_to(interval[:, None], time.shape), time)
     return np.asarray(np.linalg.solve(np.vander(u, greatest + 1, increasing=True), values))
 
 
@@ -203,7 +190,7 @@ def bernstein_from_powers(order: int) -> Floats:
     """(order + 1, order + 1): coefficients of the clamped spline without inner knots from powers of v in [-1, 1]."""
     v = _nodes(order)
     knots = np.concatenate([np.full(order + 1, -1.0), np.full(order + 1, 1.0)])
-    values = _acting_values(knots, order, np.full(len(v), order), v)
+    values = acting(knots, order, np.full(len(v), order), v)
     return np.asarray(np.linalg.solve(values, np.vander(v, order + 1, increasing=True)))
 
 

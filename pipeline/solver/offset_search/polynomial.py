@@ -15,13 +15,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.geometry.rotation import skew
 from pipeline.solver.observation.observations import across
 from pipeline.solver.observation.symmetric import solved
-from pipeline.solver.offset_search.sweep import ClockGuess, ClockRange, SetCamera
+from pipeline.solver.offset_search.sweep import ClockGuess, ClockRange, SetCamera, lowest_within
 from pipeline.solver.offset_search.views import Track, View, thinned
 
 COARSE = 100
@@ -251,7 +250,7 @@ def sweep_polynomial(
     table = np.concatenate(cost).reshape(len(mid), len(clock_scales))
     best = table.argmin(axis=1)
     profile = table.min(axis=1)
-    lowest = np.flatnonzero(profile == minimum_filter1d(profile, 3))
+    lowest = np.flatnonzero(profile == lowest_within(profile, 1))
     lowest = lowest[np.argsort(profile[lowest], kind="stable")][:keep]
     return tuple(
         ClockGuess(

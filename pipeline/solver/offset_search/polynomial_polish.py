@@ -23,8 +23,10 @@ from functools import cached_property
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.compiled import is_compiled
 from pipeline.geometry.rotation import exp, matrix
 from pipeline.solver.observation.symmetric import solved
+from pipeline.solver.offset_search._frame_sums import frame_sums
 from pipeline.solver.offset_search.crossing import ClockPrior, Hypothesis, clock_scale_pull, prior_cost
 from pipeline.solver.offset_search.frame_sets import FrameSet, Whitening, frames_of, whitening
 from pipeline.solver.offset_search.polynomial import project_motion, stacked_rows
@@ -205,20 +207,42 @@ def _normal(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> tuple[Fl
     """Normal matrix, right-hand side and half chi-square, priors included."""
     normal, right, cost = _priors(setup, point)
     column, power = setup.unknowns
-    for i, frames in enumerate(setup.frames):
-        white = held[i].inverse @ _design(setup, point, i, frames)
-        square = (white[..., 0] ** 2).sum(1)
-        size = 2 * frames.present.sum(1)
-        limit = size + 6 * np.sqrt(2 * size) + 1e-9
-        weight = np.minimum(1.0, limit / np.maximum(square, 1e-30))
-        cost += 0.5 * float(np.where(square <= limit, square, limit * (1 + np.log(square / limit + 1e-30))).sum())
-        products = np.swapaxes(white, 1, 2) @ white
-        powers = _powers(setup, point, i, frames, 2 * max(setup.orders)) * weight
-        sums = (powers @ products.reshape(len(products), -1)).reshape(-1, *products.shape[1:])
+    for i in range(len(setup.frames)):
+        sums, half_square = _frame_sums(setup, point, i, held[i].inverse)
+        cost += half_square
         columns = _columns(setup, i)
         normal[np.ix_(columns, columns)] += sums[power[:, None] + power, column[:, None], column]
         right[columns] -= sums[power, column, 0]
     return normal, right, cost
+
+
+def _frame_sums(setup: _Setup, point: _Point, i: int, inverse: Floats) -> tuple[Floats, float]:
+    """`frame_sums_plain`, compiled where it can be."""
+    if not is_compiled(frame_sums.__module__):
+        return frame_sums_plain(setup, point, i, inverse)
+    frames = setup.frames[i]
+    found: tuple[Floats, float] = frame_sums(
+        frames.time_s, frames.present, frames.centre_m, frames.axes, frames.camera_ray, frames.camera_across,
+        frames.by_tilt, inverse, point.clock[i], float(setup.middle_s[i]), matrix(exp(point.attitude_bias[i])),
+        point.position_bias[i], _stacked(setup, point).reshape(max(setup.orders) + 1, -1, 3), setup.epoch_s,
+        setup.scale_s,
+    )  # fmt: skip
+    return found
+
+
+def frame_sums_plain(setup: _Setup, point: _Point, i: int, inverse: Floats) -> tuple[Floats, float]:
+    """Products of residuals and derivatives of camera `i`, weighted, summed times powers 0 to 2 K of scaled time
+    (2 K + 1, 9 + 3 n, 9 + 3 n), and its half chi-square; `inverse` (f, 2 n, 2 n) whitens."""
+    frames = setup.frames[i]
+    white = inverse @ _design(setup, point, i, frames)
+    square = (white[..., 0] ** 2).sum(1)
+    size = 2 * frames.present.sum(1)
+    limit = size + 6 * np.sqrt(2 * size) + 1e-9
+    weight = np.minimum(1.0, limit / np.maximum(square, 1e-30))
+    cost = 0.5 * float(np.where(square <= limit, square, limit * (1 + np.log(square / limit + 1e-30))).sum())
+    products = np.swapaxes(white, 1, 2) @ white
+    powers = _powers(setup, point, i, frames, 2 * max(setup.orders)) * weight
+    return (powers @ products.reshape(len(products), -1)).reshape(-1, *products.shape[1:]), cost
 
 
 def _misfit(setup: _Setup, point: _Point, held: Sequence[Whitening]) -> float:

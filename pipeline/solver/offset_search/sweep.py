@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.offset_search.views import Track, View, thinned
@@ -233,11 +232,20 @@ def _basins(
     bins -= bins.min()
     profile = np.full(bins.max() + 1, np.inf)
     np.minimum.at(profile, bins, cost)
-    around = minimum_filter1d(profile, 2 * max(int(1.0 / step_s), 1) + 1)
-    lowest = (profile == around) & (profile < 0)
+    lowest = (profile == lowest_within(profile, max(int(1.0 / step_s), 1))) & (profile < 0)
     is_best = lowest[bins] & (cost == profile[bins])
     best = np.flatnonzero(is_best)[np.argsort(cost[is_best], kind="stable")][:keep]
     return tuple(
         ClockGuess(offset_s=float(offset[i]), clock_scale=float(clock_scale[i]), cost=float(base + cost[i]))
         for i in best
     )
+
+
+def lowest_within(values: Floats, reach: int) -> Floats:
+    """The lowest of the values (n,) that lie up to `reach` places from each."""
+    padded = np.pad(values, reach, constant_values=np.inf)
+    width = 1
+    while 2 * width <= 2 * reach + 1:  # of twice as many values each time
+        padded = np.minimum(padded[: len(padded) - width], padded[width:])
+        width *= 2
+    return np.minimum(padded[: len(values)], padded[2 * reach + 1 - width :][: len(values)])

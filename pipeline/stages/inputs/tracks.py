@@ -15,7 +15,7 @@ from pipeline.export import read_detections_csv, read_tracks_csv
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import TRACKED, Box, ImageTrack
 from pipeline.stages.inputs.frames import VideoClock, frame_rate, video_clock, video_time_s
-from pipeline.tracking import TrackingSettings, VideoTracks, track_video, write_overlay
+from pipeline.tracking import TrackingSettings, VideoTracks
 
 DEFAULT_PIXEL_SIGMA = 1.0
 
@@ -45,6 +45,8 @@ def track_camera(
     A given `sigma.pixel` is what the median fix of a surface point is worth; the tracker's own sigmas then say how the
     others differ. The middle of a box keeps the sigma it has.
     """
+    from pipeline.tracking import track_video  # slow to import
+
     assert camera.video is not None
     settings = TrackingSettings(tracker=camera.tracker)
     found = track_video(
@@ -67,6 +69,8 @@ def draw_overlay(flight: Flight, name: str, found: VideoTracks, out: Path, progr
 
     Raises WriteError where it cannot be written.
     """
+    from pipeline.tracking import write_overlay  # slow to import
+
     camera = flight.camera(name)
     assert camera.video is not None
     plain = re.fullmatch(r"[A-Za-z0-9_-]+", name)

@@ -22,22 +22,22 @@ from pipeline.stages.running.track import track_into
 
 def run_flight(flight: Flight, out: Path, *, progress: Progress = silent) -> RunSummary:
     """All stages; what is finished is not done again."""
-    models = check_inputs(flight, out)
-    measure = measuring(flight, progress)
+    clock = StageSeconds(progress)
+    with clock.stage("check"):
+        models, measure = check_inputs(flight, out), measuring(flight, progress)
     with writing(out) as ledger:
-        doubts = doubts_of(ledger, flight, models, measure)
+        with clock.stage("check"):
+            doubts = doubts_of(ledger, flight, models, measure)
         parts = [
             track_into(ledger, flight, resume=True, progress=progress),
-            poses_into(ledger, flight, measure, StageSeconds(), resume=True),
+            poses_into(ledger, flight, measure, StageSeconds(progress), resume=True),
             solve_into(ledger, flight, measure, doubts=doubts, resume=True, progress=progress),
         ]
-    seconds: dict[str, float] = {}
     for part in parts:
-        for name, value in part.seconds.items():
-            seconds[name] = seconds.get(name, 0.0) + value
+        clock.add(part.seconds)
     return RunSummary(
         files=tuple(dict.fromkeys(name for part in parts for name in part.files)),
-        seconds=seconds,
+        seconds=clock.seconds,
         skipped=tuple(name for part in parts for name in part.skipped),
         warnings=tuple(dict.fromkeys((*doubts, *(warning for part in parts for warning in part.warnings)))),
         results=parts[-1].results,

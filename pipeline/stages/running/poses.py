@@ -43,7 +43,7 @@ def measuring(flight: Flight, progress: Progress) -> Measure:
 def run_poses(flight: Flight, out: Path, *, progress: Progress = silent) -> RunSummary:
     """Reads the logs and writes `poses.csv`; one that `solve` has refined, of the same inputs, stays."""
     measure = measuring(flight, progress)
-    clock = StageSeconds()
+    clock = StageSeconds(progress)
     with clock.stage("poses"):
         measure()
     with writing(out) as ledger:

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Iterable
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.flight import Flight
+from pipeline.records import ImageTrack
 from pipeline.solver import how_compiled
 
 NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
@@ -16,6 +22,16 @@ def file_hash(path: Path) -> str:
     """SHA-256 of a file's content."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def tracks_hash(tracks: Iterable[ImageTrack]) -> str:
+    """SHA-256 of tracks, exactly."""
+    digest = hashlib.sha256()
+    for track in tracks:
+        digest.update(json.dumps([track.camera, track.target, len(track.frame)]).encode())
+        for column in (track.frame, track.time_s, track.xy_px, track.sigma_px, track.state, track.by_box):
+            digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
 
 
 def input_files(flight: Flight) -> dict[str, Path]:
@@ -38,13 +54,16 @@ def input_hashes(flight: Flight) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that shape a result."""
-    found = {}
-    for name in NAMED_PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+    return {name: _version(name) for name in NAMED_PACKAGES}
+
+
+@cache
+def _version(name: str) -> str:
+    """As it was when first asked: what is loaded stays what it is."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def decisive() -> dict[str, str]:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from calibration.foundation.progress import Progress, silent
-from pipeline.export import export_all, poses_csv, tracks_csv
+from pipeline.export import export_all, poses_csv
 from pipeline.flight import Flight
 from pipeline.records import Results, Solution, SolverSettings
 from pipeline.report import render_report
@@ -20,7 +20,7 @@ from pipeline.stages.running.check import doubts_of
 from pipeline.stages.running.inputs import check_inputs
 from pipeline.stages.running.ledger import Ledger, key_of, writing
 from pipeline.stages.running.poses import Measure, measuring
-from pipeline.stages.running.provenance import decisive, input_hashes
+from pipeline.stages.running.provenance import decisive, input_hashes, tracks_hash
 from pipeline.stages.running.results import all_refined, gather_results
 from pipeline.stages.running.summary import RunSummary, StageSeconds
 from pipeline.stages.running.track import tracking_notes
@@ -41,10 +41,15 @@ def run_solve(
     flight: Flight, out: Path, *, settings: SolverSettings | None = None, progress: Progress = silent
 ) -> RunSummary:
     """Adjusts the flight and writes everything that comes of it."""
-    models, measure = check_inputs(flight, out), measuring(flight, progress)
+    clock = StageSeconds(progress)
+    with clock.stage("check"):
+        models, measure = check_inputs(flight, out), measuring(flight, progress)
     with writing(out) as ledger:
-        doubts = doubts_of(ledger, flight, models, measure)
-        return solve_into(ledger, flight, measure, settings=settings, doubts=doubts, resume=False, progress=progress)
+        with clock.stage("check"):
+            doubts = doubts_of(ledger, flight, models, measure)
+        return solve_into(
+            ledger, flight, measure, settings=settings, doubts=doubts, resume=False, progress=progress, clock=clock
+        )
 
 
 def solve_into(
@@ -56,16 +61,17 @@ def solve_into(
     doubts: Sequence[str] = (),
     resume: bool,
     progress: Progress = silent,
+    clock: StageSeconds | None = None,
 ) -> RunSummary:
     """`run_solve` into a folder that is open; with `resume`, a finished solution is left as it is."""
-    clock, out = StageSeconds(), ledger.out
+    clock, out = clock or StageSeconds(progress), ledger.out
     chosen = settings or solver_settings(flight)
     with clock.stage("read"):
         models = check_inputs(flight, out)
         tracks = wanted(flight, read_tracks(flight, out))
         hashes = input_hashes(flight)
         key = key_of({
-            "stage": "solve", "inputs": hashes, "tracks": tracks_csv(tracks), "settings": asdict(chosen),
+            "stage": "solve", "inputs": hashes, "tracks": tracks_hash(tracks), "settings": asdict(chosen),
             "flight": asdict(flight.solve), "made with": decisive(),
         })  # fmt: skip
     if resume and ledger.finished("solve", key):
@@ -79,12 +85,10 @@ def solve_into(
         make_ready(lambda done, of: progress("compile the solver, once on this machine, about a minute", done, of))
     with clock.stage("solve"):
         built = build_problem(flight, tracks, measured, models, opened.origin)
-        progress("solve", 0, 1)
-        solution = solve(built.problem, chosen)
-        progress("solve", 1, 1)
-    clock.seconds["solver"] = solution.seconds
-    notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
-    results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
+        solution = solve(built.problem, chosen, part=clock.stage)
+    with clock.stage("results"):
+        notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
+        results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
     with clock.stage("pictures"):
         results = with_pictures(flight, results, progress=progress)
     with clock.stage("write"):

@@ -38,7 +38,7 @@ def track_into(
     ledger: Ledger, flight: Flight, *, resume: bool, overlay: bool = False, progress: Progress = silent
 ) -> RunSummary:
     """`run_track` into a folder that is open; with `resume`, cameras that are finished are left as they are."""
-    clock = StageSeconds()
+    clock = StageSeconds(progress)
     drawn: list[str] = []
     with clock.stage("track"):
         keys = _keys(flight)

@@ -192,7 +192,8 @@ def _check_increasing(path: Path, table: pd.DataFrame, name: str, value: Floats)
 
 
 def _check_unit(path: Path, table: pd.DataFrame, q: Floats) -> None:
-    length = np.linalg.norm(q, axis=1)
+    with np.errstate(over="ignore"):  # then it is infinite, and no unit
+        length = np.linalg.norm(q, axis=1)
     bad = np.flatnonzero(np.abs(length - 1) > UNIT_TOLERANCE)
     if len(bad):
         i = int(bad[0])

@@ -6,12 +6,12 @@ further from it than the tolerance are outliers, the rest decides offset and rat
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from itertools import pairwise
 
 import numpy as np
 
 from calibration.foundation.arrays import Bools, Floats
+from pipeline.telemetry.clocks.utc import ROLL_OVER_S, date_of
 from pipeline.telemetry.log.flight_log import ClockModel, ClockStep
 
 LARGEST_STEP_S = 60.0
@@ -26,8 +26,8 @@ LEAST_SET = 5
 """Readings in a row that agree: fewer are lies, not a clock that was set."""
 NO_LOGS_BEFORE_S = 1_262_304_000.0
 """1 January 2010: none of these formats was written before."""
-ROLL_OVER_S = 1024 * 604_800.0
-"""GPS weeks are sent in ten bits."""
+SET_S = 0.5
+"""A clock that was set is moved by more than this: leap seconds that a receiver learns late are whole ones."""
 
 
 def settled(time_s: Floats) -> Floats:
@@ -60,7 +60,7 @@ def fit_clock(
     slope = _large_slope(log, other)
     steps: tuple[ClockStep, ...] = ()
     if set_later:
-        last, steps = _set_last(log, other - slope * (log - log[0]), tolerance_s)
+        last, steps = _set_last(log, other - slope * (log - log[0]))
         log, other = log[last], other[last]
     log_epoch, epoch = float(np.median(log)), float(np.median(other))
     since = log - log_epoch
@@ -112,32 +112,32 @@ def _large_slope(log_s: Floats, other_s: Floats) -> float:
     return slope if scatter < STEADY_SHARE * abs(slope) * np.ptp(log) else 0.0
 
 
-def _set_last(log_s: Floats, other_s: Floats, tolerance_s: float) -> tuple[Bools, tuple[ClockStep, ...]]:
-    """Which readings (n,) come after the other clock was set last, and what it read before, each time."""
+def _set_last(log_s: Floats, other_s: Floats) -> tuple[Bools, tuple[ClockStep, ...]]:
+    """Which readings (n,) agree with what the other clock was set to last, and what it read before, each time.
+
+    How far it was moved is told at the moment itself, for clocks also drift.
+    """
     order = np.argsort(log_s, kind="stable")
     late = (other_s - log_s)[order]
     smooth = late
     if len(late) >= 5:
         smooth = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(late, 2, mode="edge"), 5), axis=1)
-    bounds = np.concatenate([[0], np.flatnonzero(np.abs(np.diff(smooth)) > tolerance_s) + 1, [len(late)]])
+    drift = MAX_DRIFT * np.diff(log_s[order])
+    bounds = np.concatenate([[0], np.flatnonzero(np.abs(np.diff(smooth)) > SET_S + drift) + 1, [len(late)]])
     parts = [np.arange(a, b) for a, b in pairwise(bounds.tolist()) if b - a >= LEAST_SET]
     everything = np.ones(len(late), dtype=bool)
     if len(parts) < 2:
         return everything, ()
-    final, kept = parts[-1], np.zeros(len(late), dtype=bool)
-    true = float(np.median(late[final]))
-    steps = []
-    for part in parts[:-1]:
-        away = float(np.median(late[part])) - true
-        if abs(away) <= tolerance_s:
+    kept, steps, away = np.zeros(len(late), dtype=bool), [], 0.0
+    kept[order[parts[-1]]] = True
+    for part, after in reversed(list(pairwise(parts))):
+        away += float(np.median(late[part[-LEAST_SET:]]) - np.median(late[after[:LEAST_SET]]))
+        if abs(away) <= SET_S:
             kept[order[part]] = True
         else:
             begin, end = log_s[order[part[0]]], log_s[order[part[-1]]]
             steps.append(ClockStep(begin_s=float(begin), end_s=float(end), ahead_s=away))
-    if not steps:
-        return everything, ()
-    kept[order[final]] = True
-    return kept, tuple(steps)
+    return (kept, tuple(reversed(steps))) if steps else (everything, ())
 
 
 def utc_notes(utc: ClockModel | None) -> list[str]:
@@ -154,14 +154,14 @@ def utc_notes(utc: ClockModel | None) -> list[str]:
     for step in utc.steps:
         notes.append(
             f"UTC by {utc.source} was {_seconds(step.ahead_s)} from log time {step.begin_s:.1f} to {step.end_s:.1f} s,"
-            f" before it was set; that is not used (log time 0 would be {_date(utc.other_s(0.0) + step.ahead_s)})"
+            f" before it was set; that is not used (log time 0 would be {date_of(utc.other_s(0.0) + step.ahead_s)})"
         )
     if utc.outliers:
         notes.append(f"{utc.outliers} of {utc.outliers + utc.pairs} readings of UTC by {utc.source} are not used")
     if utc.other_s(utc.log_epoch_s) < NO_LOGS_BEFORE_S:
-        later = _date(utc.other_s(utc.log_epoch_s) + ROLL_OVER_S)
+        later = date_of(utc.other_s(utc.log_epoch_s) + ROLL_OVER_S)
         notes.append(
-            f"UTC by {utc.source} is {_date(utc.other_s(utc.log_epoch_s))}, before such logs were written: a receiver"
+            f"UTC by {utc.source} is {date_of(utc.other_s(utc.log_epoch_s))}, before such logs were written: a receiver"
             f" whose week rolled over would mean {later}"
         )
     return notes
@@ -169,9 +169,3 @@ def utc_notes(utc: ClockModel | None) -> list[str]:
 
 def _seconds(ahead_s: float) -> str:
     return f"{abs(ahead_s):.1f} s {'ahead' if ahead_s > 0 else 'behind'}"
-
-
-def _date(posix_s: float) -> str:
-    if not 0 <= posix_s < 4e9:
-        return f"{posix_s:.0f} s after 1970"
-    return datetime.fromtimestamp(posix_s, UTC).isoformat(timespec="seconds")

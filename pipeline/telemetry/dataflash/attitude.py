@@ -19,6 +19,7 @@ from pipeline.telemetry.log.flight_log import (
 from pipeline.telemetry.log.series import attitude_series, denser
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
+CORE_MESSAGES = ((("XKQ",), "XKF4"), (("NKQ",), "NKF4"), (("NKQ1", "NKQ2"), "NKF4"), (("XKQ1", "XKQ2"), "XKF4"))
 TRIM_NAMES = ("AHRS_TRIM_X", "AHRS_TRIM_Y", "AHRS_TRIM_Z")
 
 
@@ -38,11 +39,8 @@ def vehicle_attitude(raw: RawLog) -> AttitudeSeries | None:
 
 def primary_core(raw: RawLog) -> MessageTable | None:
     """Quaternions of the estimator's core that flew, if it was the same one all the time."""
-    for name, status in (("XKQ", "XKF4"), ("NKQ1", "NKF4"), ("XKQ1", "XKF4")):
-        table, state = raw.table(name), raw.table(status)
-        if table is not None and ("C" not in table or of_core(table, state) is not None):
-            return of_core(table, state)
-    return None
+    found = (of_core(raw, names, status) for names, status in CORE_MESSAGES)
+    return next((table for table in found if table is not None), None)
 
 
 def _trim(raw: RawLog) -> Floats:

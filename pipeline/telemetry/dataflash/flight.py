@@ -22,7 +22,8 @@ def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
     position, height_notes = vehicle_position(raw)
     attitude = vehicle_attitude(raw)
     mount, gimbals, gimbal_notes = gimbal_attitude(raw, attitude, gimbal)
-    events, source = camera_events(raw)
+    events, source, event_notes = camera_events(raw)
+    utc, utc_notes = utc_clock(raw)
     return FlightLog(
         path=raw.path,
         format=raw.format,
@@ -35,9 +36,9 @@ def dataflash_flight(raw: RawLog, *, gimbal: int | None = None) -> FlightLog:
         system=system_of(raw),
         camera_event_s=events,
         camera_event_source=source,
-        utc=utc_clock(raw),
+        utc=utc,
         accuracy=stated_accuracy(raw),
         receiver=receiver_of(raw),
         truth=simulated(raw),
-        notes=(*raw.notes, *height_notes, *gimbal_notes),
+        notes=(*raw.notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

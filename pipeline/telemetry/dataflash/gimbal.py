@@ -53,11 +53,13 @@ def gimbal_attitude(
 
 
 def _instances(table: MessageTable) -> list[int]:
-    return np.unique(table.floats("I")).astype(int).tolist() if "I" in table else [0]
+    told = table.floats("I")
+    return np.unique(told[np.abs(told) < 1 << 31]).astype(int).tolist() or [0]
 
 
 def _of_instance(table: MessageTable, instance: int) -> MessageTable:
-    return table.only(np.asarray(table.floats("I") == instance)) if "I" in table else table
+    told = table.floats("I")
+    return table.only(np.asarray(told == instance)) if np.isfinite(told).any() else table
 
 
 def _apart(first: GimbalSeries | None, second: GimbalSeries | None, body: AttitudeSeries | None) -> bool:
@@ -78,4 +80,4 @@ def _mount(table: MessageTable, body: AttitudeSeries | None) -> tuple[GimbalSeri
     if not new:
         return told_frame(series, body)
     against_body = rotation.ned_from_frd(*np.radians([yaw, pitch, roll]))
-    return held_frame(series, body, against_body[np.argsort(time, kind="stable")])
+    return held_frame(series, body, against_body[np.argsort(time, kind="stable")], commanded=True)

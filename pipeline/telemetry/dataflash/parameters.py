@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from pipeline.telemetry.log.tables import RawLog
@@ -11,12 +12,12 @@ SYSTEM_NAMES = ("MAV_SYSID", "SYSID_THISMAV")
 
 
 def parameters_of(raw: RawLog) -> Mapping[str, float]:
-    """Each parameter as the log gives it last."""
+    """Each parameter as the log gives it last; none that is no number."""
     table = raw.table("PARM")
     if table is None:
         return {}
-    names = [name.decode("ascii", "replace") for name in table.columns["Name"].tolist()]
-    return dict(zip(names, table.floats("Value").tolist(), strict=True))
+    told = zip(table.texts("Name"), table.floats("Value").tolist(), strict=True)
+    return {name: value for name, value in told if math.isfinite(value)}
 
 
 def system_of(raw: RawLog) -> int | None:

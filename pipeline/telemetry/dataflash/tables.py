@@ -5,17 +5,24 @@ Times are TimeUS (or TimeMS) since boot, except in GPS of old firmware, where Ti
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.telemetry.clocks.clock_model import settled
-from pipeline.telemetry.log.tables import MessageTable, RawLog
+from pipeline.telemetry.log.receiver import FIX_3D
+from pipeline.telemetry.log.tables import MessageTable, RawLog, joined_tables
+
+RECEIVERS = (("GPS", "GPA"), ("GPS2", "GPA2"), ("GPSB", "GPAB"))
+"""Messages of a receiver and of what it is worth: of the first, of the second and the blended one before 4.1."""
+GPS_NAMES = frozenset(name for name, _ in RECEIVERS)
 
 
 def clock_field(table: MessageTable) -> tuple[str, float]:
     """The field that says the time since boot, and its ticks in a second; "" where none does."""
-    if table.name == "GPS" and "T" in table:
-        return "T", 1e3
+    if table.name in GPS_NAMES and "Week" in table:  # TimeMS is the week's
+        return ("T", 1e3) if "T" in table else ("", 1.0)
     return next(((name, ticks) for name, ticks in (("TimeUS", 1e6), ("TimeMS", 1e3)) if name in table), ("", 1.0))
 
 
@@ -25,29 +32,63 @@ def time_of(table: MessageTable) -> Floats:
     return settled(table.floats(field or "TimeMS") / ticks)
 
 
-def first_instance(table: MessageTable | None) -> MessageTable | None:
-    """The messages of the first instance, where messages name one."""
+def first_instance(table: MessageTable | None) -> tuple[MessageTable | None, int]:
+    """The messages of the first instance, where messages name one by a number; and how many instances there are."""
     if table is None:
-        return None
-    for name in ("I", "C"):
-        if name in table:
-            return table.only(np.asarray(table.floats(name) == table.floats(name).min()))
-    return table
+        return None, 0
+    instance = table.floats("I")
+    named = np.unique(instance[np.isfinite(instance)])
+    return (table, 1) if not len(named) else (table.only(np.asarray(instance == named[0])), len(named))
 
 
 def gps_in_use(raw: RawLog) -> MessageTable | None:
-    """GPS of the receiver in use (U), else of the first."""
-    table = raw.table("GPS")
-    if table is not None and "U" in table and (table.floats("U") == 1).any():
-        return table.only(np.asarray(table.floats("U") == 1))
-    return first_instance(table)
+    """GPS of the receiver in use (U) then; where nothing says it, of the first that has a 3D fix, else of the first."""
+    found = _receivers(raw)
+    used = [t.only(np.asarray(t.floats("U") == 1)) for t, _ in found]
+    used = [t for t in used if len(t)]
+    if used:
+        return _in_order(used)
+    fixed = (t for t, _ in found if (t.floats("Status") >= FIX_3D).any())
+    return next(fixed, found[0][0] if found else None)
 
 
 def accuracy_in_use(raw: RawLog) -> MessageTable | None:
-    """GPA of the receiver in use, by the instance of most of its messages; else of the first."""
-    table, gps = raw.table("GPA"), gps_in_use(raw)
-    if table is not None and gps is not None and "I" in table and "I" in gps:
-        mine = table.only(np.asarray(table.floats("I") == np.median(gps.floats("I"))))
-        if len(mine):
-            return mine
-    return first_instance(table)
+    """GPA of the receiver that gives most of the messages in use; else of the first."""
+    found, gps = _receivers(raw), gps_in_use(raw)
+    if gps is None:
+        return first_instance(raw.table("GPA"))[0]
+    shares = [int(np.isin(gps.place, t.place).sum()) for t, _ in found]
+    mine = found[int(np.argmax(shares))][1]
+    return next((t for _, t in found if t is not None), None) if mine is None else mine
+
+
+def _receivers(raw: RawLog) -> list[tuple[MessageTable, MessageTable | None]]:
+    """The messages and accuracies of each receiver: by instance (I), of old firmware by the name of the message."""
+    found = []
+    for name, accuracy in RECEIVERS:
+        table, stated = raw.table(name), raw.table(accuracy)
+        if table is None:
+            continue
+        for instance in np.unique(table.floats("I")).tolist() if "I" in table else [None]:
+            mine = stated
+            if instance is not None and stated is not None and "I" in stated:
+                mine = raw.table(accuracy, lambda t, i=instance: np.asarray(t.floats("I") == i))  # type: ignore[misc]
+            own = table if instance is None else table.only(np.asarray(table.floats("I") == instance))
+            found.append((replace(own, name="GPS"), mine))
+    return found
+
+
+def _in_order(parts: list[MessageTable]) -> MessageTable:
+    """One table of messages of several receivers, in the order of the file."""
+    if len(parts) == 1:
+        return parts[0]
+    table = joined_tables(parts)
+    order = np.argsort(table.place, kind="stable")
+    return replace(
+        table,
+        place=table.place[order],
+        record_time_s=table.record_time_s[order],
+        system=table.system[order],
+        component=table.component[order],
+        columns={name: column[order] for name, column in table.columns.items()},
+    )

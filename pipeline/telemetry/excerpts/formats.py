@@ -87,6 +87,6 @@ def _dataflash_readings(raw: RawLog, log: FlightLog) -> Readings:
 def _dataflash_doubtful(raw: RawLog, log: FlightLog) -> bool:
     """Whether attitudes are a close choice, or the estimator's positions lack an origin that may be elsewhere."""
     source = "" if log.position is None else log.position.source
-    local = {name for name, _ in LOCAL_MESSAGES}
+    local = {name for names, _ in LOCAL_MESSAGES for name in names}
     rootless = source not in ("POS", *local) and not local.isdisjoint(raw.tables)
     return rootless or close_call(primary_core(raw), raw.table("ATT"))

@@ -7,7 +7,8 @@ holds: yaw lock means north.
 MOUNT_STATUS and old MNT do not say it: stabilised mounts send angles against the horizon, mounts on servos send the
 servos' angles, against the body. A mount that is stabilised keeps the horizon steady in one of the two readings, and
 that reading is taken. Flags are held against the same measure: ArduPilot sends a servo gimbal's angles against the body
-and flags them as locked to the horizon (from 4.6 on).
+and flags them as locked to the horizon (from 4.6 on). Angles that never move are commands: they hold the horizon steady
+in the reading in which they are written, whatever the camera does, and tell nothing.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints, whole_numbers
 from pipeline.geometry import rotation
 from pipeline.telemetry.log.flight_log import BODY, EARTH, HEADING, AttitudeSeries, GimbalSeries
 
-YAW_LOCK = 16
+NEUTRAL = 2
+ROLL_LOCK, PITCH_LOCK, YAW_LOCK = 4, 8, 16
 YAW_IN_VEHICLE_FRAME = 32
 YAW_IN_EARTH_FRAME = 64
 ENCODER_ERROR = 8
@@ -39,6 +41,9 @@ OWN_NORTH_RAD = np.radians(1.0)
 """A gimbal's north closer than this to the vehicle's is the vehicle's."""
 RELAYED_RAD = np.radians(3.0)
 """Two senders whose gimbals look this nearly the same way tell of one gimbal."""
+RUNS, RUN_ROWS = 32, 256
+"""Of a longer series so many runs of so many samples, evenly over it, tell what its angles count from: no more is
+learnt from all of them."""
 FRAME_NAMES = {
     EARTH: "north and the horizon",
     HEADING: "the vehicle's heading and the horizon",
@@ -48,10 +53,27 @@ FRAME_NAMES = {
 
 def frame_of_flags(flags: Floats) -> Ints:
     """EARTH or HEADING (n,) of GIMBAL_DEVICE_FLAGS."""
-    bits = np.asarray(flags).astype(np.int64)
-    stated = (bits & (YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME)) != 0
-    earth = np.where(stated, (bits & YAW_IN_VEHICLE_FRAME) == 0, (bits & YAW_LOCK) != 0)
+    bits = whole_numbers(flags)
+    earth = np.where(states_frame(flags), (bits & YAW_IN_VEHICLE_FRAME) == 0, (bits & YAW_LOCK) != 0)
     return np.where(earth, EARTH, HEADING)
+
+
+def states_frame(flags: Floats) -> Bools:
+    """Whether flags (n,) say what yaw counts from, by the bits that newer definitions have for it."""
+    bits = whole_numbers(flags)
+    return np.asarray((bits & (YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME)) != 0)
+
+
+def as_outputs(source: str, who: str, frame: Ints, flags: Floats, outputs: Bools) -> tuple[Ints, list[str]]:
+    """What yaw counts from where an autopilot sends the angles of its own `outputs` (n,), and a note where that is new.
+
+    Those turn with the vehicle, whatever yaw lock says: it means what was asked for, not what is sent.
+    """
+    lies = outputs & (frame == EARTH) & ~states_frame(flags)
+    if not lies.any():
+        return frame, []
+    said = f"{source}: {who}'s own yaw counts from the vehicle's heading, whatever yaw lock says"
+    return np.where(lies, HEADING, frame), [said]
 
 
 def heading_turn(ned_from_body: Floats) -> Floats:
@@ -82,23 +104,28 @@ def told_frame(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Gimba
     """A mount whose messages do not say what they count from, with the frame its motion tells, and a note."""
     frame = steadier_frame(gimbal, body)
     note = f"{gimbal.source} does not say what its angles count from; by the vehicle's motion: {FRAME_NAMES[frame]}"
-    doubt = _doubt(gimbal, body)
+    doubt = _doubt(gimbal, body, commanded=True)
     return replace(gimbal, frame=np.full(len(gimbal.frame), frame)), [note + (f" ({doubt})" if doubt else "")]
 
 
 def held_frame(
-    gimbal: GimbalSeries, body: AttitudeSeries | None, against_body: Floats | None = None
+    gimbal: GimbalSeries,
+    body: AttitudeSeries | None,
+    against_body: Floats | None = None,
+    *,
+    commanded: bool = False,
 ) -> tuple[GimbalSeries, list[str]]:
     """A mount whose messages say what they count from, held against what its angles do, and what to say of it.
 
-    `against_body` (n, 4) is its attitude as it reads against the body, where that is another than as it stands.
+    `against_body` (n, 4) is its attitude as it reads against the body, where that is another than as it stands. With
+    `commanded` its angles may be what an autopilot asks for rather than what an encoder reads.
     """
     attitude = gimbal.attitude if against_body is None else against_body
     as_servos = replace(gimbal, attitude=attitude, frame=np.full(len(gimbal.frame), BODY))
-    seen, servos, frames = _beside_body(gimbal, body), _beside_body(as_servos, body), np.unique(gimbal.frame)
-    if seen is None or servos is None or len(frames) != 1:
+    seen, servos = _beside_body(gimbal, body), _beside_body(as_servos, body)
+    if seen is None or servos is None:
         return gimbal, []
-    stated, (mount, turned) = int(frames[0]), seen
+    mount, _ = seen
     level, servo = _unrest(mount), _unrest(rotation.multiply(servos[1], servos[0]))
     if level > STILL_RAD**2 and servo < STEADIER * level:
         found = as_servos
@@ -107,14 +134,29 @@ def held_frame(
             f" they are read as angles against its body (servos); the two readings are"
             f" {_apart_deg(servos[0], servos[1]):.1f} degrees apart"
         ]
-    yaw = _yaw_frame(mount, turned, stated)
-    if yaw != stated:
-        return replace(gimbal, frame=np.full(len(gimbal.frame), yaw)), [
-            f"{gimbal.source} says that yaw counts from {FRAME_NAMES[stated]}, but it turns with the vehicle as one"
-            f" that counts from {FRAME_NAMES[yaw]}: it is read so"
-        ]
-    doubt = _doubt(as_servos, body)
-    return gimbal, [f"{gimbal.source}: {doubt}; it is read as it says, against {FRAME_NAMES[stated]}"] if doubt else []
+    gimbal, notes = _held_yaw(gimbal, body)
+    doubt = _doubt(as_servos, body, commanded=commanded)
+    if doubt and not notes:
+        stated = " or ".join(FRAME_NAMES[kind] for kind in np.unique(gimbal.frame).tolist())
+        notes = [f"{gimbal.source}: {doubt}; it is read as it says, against {stated}"]
+    return gimbal, notes
+
+
+def _held_yaw(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[GimbalSeries, list[str]]:
+    """The mount with yaw held against the vehicle's heading, the rows of each stated frame by themselves."""
+    frame, notes = gimbal.frame.copy(), []
+    for stated in np.unique(gimbal.frame).tolist():
+        rows = gimbal.frame == stated
+        part = replace(gimbal, time_s=gimbal.time_s[rows], attitude=gimbal.attitude[rows], frame=gimbal.frame[rows])
+        seen = _beside_body(part, body)
+        yaw = stated if seen is None else _yaw_frame(*seen, stated)
+        if yaw != stated:
+            frame[rows] = yaw
+            notes.append(
+                f"{gimbal.source} says that yaw counts from {FRAME_NAMES[stated]}, but it turns with the vehicle as one"
+                f" that counts from {FRAME_NAMES[yaw]}: it is read so"
+            )
+    return (replace(gimbal, frame=frame) if notes else gimbal), notes
 
 
 def own_north(
@@ -169,7 +211,8 @@ def same_gimbal(first: GimbalSeries, second: GimbalSeries, body: AttitudeSeries 
 
 def attitude_at(body: AttitudeSeries, time_s: Floats) -> tuple[Floats, Bools]:
     """ned_from_body (n, 4) at times (n,), and which of them lie inside the attitudes."""
-    stamp, q = body.time_s[body.valid], body.ned_from_body[body.valid]
+    keep = body.valid
+    stamp, q = body.time_s[keep], body.ned_from_body[keep]
     if len(stamp) < 2:
         return np.full((len(time_s), 4), np.nan), np.zeros(len(time_s), bool)
     inside = np.asarray((time_s >= stamp[0]) & (time_s <= stamp[-1]))
@@ -181,13 +224,23 @@ def attitude_at(body: AttitudeSeries, time_s: Floats) -> tuple[Floats, Bools]:
 
 def _beside_body(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Floats, Floats] | None:
     """Mount attitudes and the body's beside them (k, 4); None where there are too few."""
-    if body is None or body.valid.sum() < 2 or gimbal.valid.sum() < 10:
+    told = np.flatnonzero(gimbal.valid)
+    if body is None or len(told) < 10:
         return None
-    turned, inside = attitude_at(body, gimbal.time_s[gimbal.valid])
-    return gimbal.attitude[gimbal.valid][inside], turned[inside]
+    rows = _in_runs(told)
+    turned, inside = attitude_at(body, gimbal.time_s[rows])
+    return gimbal.attitude[rows][inside], turned[inside]
 
 
-def _doubt(gimbal: GimbalSeries, body: AttitudeSeries | None) -> str:
+def _in_runs(rows: Ints) -> Ints:
+    """All of few rows (n,), of more RUNS evenly spread runs of RUN_ROWS neighbours."""
+    if len(rows) <= RUNS * RUN_ROWS:
+        return rows
+    begin = np.linspace(0, len(rows) - RUN_ROWS, RUNS).astype(np.int64)
+    return np.asarray(rows[(begin[:, None] + np.arange(RUN_ROWS)).ravel()])
+
+
+def _doubt(gimbal: GimbalSeries, body: AttitudeSeries | None, *, commanded: bool = False) -> str:
     """What to say where the motion does not tell the horizon from the body and the two readings differ."""
     seen = _beside_body(gimbal, body)
     if seen is None:
@@ -195,7 +248,14 @@ def _doubt(gimbal: GimbalSeries, body: AttitudeSeries | None) -> str:
     mount, turned = seen
     level, servo = _unrest(mount), _unrest(rotation.multiply(turned, mount))
     apart = _apart_deg(mount, turned)
-    if apart < DOUBT_DEG or servo * STEADIER > level or (level > 0 and servo < STEADIER * level):
+    if apart < DOUBT_DEG:
+        return ""
+    if commanded and level <= STILL_RAD**2 < servo:
+        return (
+            "its angles never move, as commands do not: the camera may hold them against the horizon or against the"
+            f" body, and the two readings are {apart:.1f} degrees apart"
+        )
+    if servo * STEADIER > level or (level > 0 and servo < STEADIER * level):
         return ""
     return (
         "the vehicle's motion does not tell the horizon from its body,"

@@ -17,8 +17,9 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import InputFileError
 from pipeline.geometry import rotation
+from pipeline.telemetry.clocks.boot_clock import another_recording, continued
 from pipeline.telemetry.clocks.clock_model import fit_clock
-from pipeline.telemetry.clocks.utc import plausible_utc
+from pipeline.telemetry.clocks.utc import believed_utc
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.klv import items
 from pipeline.telemetry.klv.local_set import Sets, local_sets
@@ -150,8 +151,10 @@ def _different(streams: list[Metadata]) -> tuple[int, ...]:
 
 def _times(data: Metadata) -> Times:
     stamp, video = data.column(items.TIME), data.video_s
-    stamp = np.where(plausible_utc(stamp), stamp, np.nan)
-    notes = (f"{data.unchecked} metadata sets carry no checksum: they are believed",) if data.unchecked else ()
+    stamp, thrown = believed_utc("precision time stamps", video, stamp)
+    bare = (f"{data.unchecked} metadata sets carry no checksum: they are believed",) if data.unchecked else ()
+    video, parts = continued(video, stamp)
+    notes = (*thrown, *bare, *(another_recording(offset) for _, offset in parts))
     if not np.isfinite(stamp).any():
         said = "no set has a precision time stamp: log time is the video's own"
         return Times(log_s=video, start_s=0.0, start_sigma_s=data.video_sigma_s, utc=None, notes=(*notes, said))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints, frozen, settle
+from calibration.foundation.arrays import Floats, Ints, frozen, settle, whole_numbers
 
 FIX_3D, DIFFERENTIAL, FLOAT, FIXED = 3, 4, 5, 6
 FIX_NAMES = {0: "no fix", 1: "no fix", 2: "2D", FIX_3D: "3D", DIFFERENTIAL: "differential", FLOAT: "RTK float",
@@ -45,7 +45,7 @@ def receiver_series(
     """Rows (n,) of any order in time order; what is no accuracy (0, none, above 100 m) becomes NaN."""
     order = np.argsort(time_s, kind="stable")
     order = order[np.isfinite(time_s[order])]
-    kind = np.nan_to_num(fix[order]).astype(np.int64)
+    kind = whole_numbers(fix[order])
     kind = np.where((kind >= 0) & (kind <= FIXED), kind, np.where(kind > FIXED, FIX_3D, 0))
     across, up = (
         np.where((value[order] > 0) & (value[order] <= 100.0), value[order], np.nan)

@@ -41,11 +41,20 @@ class MessageTable:
         return field_name in self.columns
 
     def floats(self, field_name: str) -> Floats:
-        """One field as float64; NaN throughout where this version of the message has no such field or calls it text."""
-        if field_name not in self.columns or self.columns[field_name].dtype.kind == "S":
+        """One field as float64 (n,); NaN throughout where this version of the message has no such field, or calls it
+        text or an array."""
+        column = self.columns.get(field_name)
+        if column is None or column.dtype.kind == "S" or column.ndim > 1:
             return np.full(len(self), np.nan)
         with np.errstate(invalid="ignore"):  # a signalling NaN in a broken message is a NaN
-            return np.asarray(self.columns[field_name], float)
+            return np.asarray(column, float)
+
+    def texts(self, field_name: str) -> tuple[str, ...]:
+        """One field as ASCII text, a row each; empty where this version has no such field or calls it a number."""
+        column = self.columns.get(field_name)
+        if column is None or column.dtype.kind != "S":
+            return ("",) * len(self)
+        return tuple(value.decode("ascii", "replace") for value in column.tolist())
 
     def only(self, keep: Bools) -> MessageTable:
         """The rows where `keep` (n,) is true."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, whole_numbers
 from pipeline.telemetry.log.flight_log import (
     ClockModel,
 )
@@ -36,7 +36,7 @@ def camera_events(vehicle: Vehicle, utc: ClockModel | None) -> tuple[Floats, str
 
 def _one_camera(table: MessageTable) -> tuple[MessageTable, list[str]]:
     """The messages of the camera that speaks most, and what to say where others do."""
-    number = np.nan_to_num(table.floats(CAMERA_FIELDS.get(table.name, ""))).astype(np.int64) & 255
+    number = whole_numbers(table.floats(CAMERA_FIELDS.get(table.name, ""))) & 255
     which = table.component.astype(np.int64) << 8 | number
     many = np.bincount(which)
     best, kinds = int(many.argmax()), int(np.count_nonzero(many))

@@ -28,7 +28,7 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
     clock = boot_clock(*boot_readings(raw, chosen))
     vehicle = Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=clock)
     notes += clock_notes(vehicle.clock)
-    utc = utc_clock(vehicle)
+    utc, utc_notes = utc_clock(vehicle)
     position, height_notes = vehicle_position(vehicle)
     attitude = vehicle_attitude(vehicle)
     mount, gimbals, gimbal_notes = gimbal_attitude(vehicle, attitude, gimbal)
@@ -52,5 +52,5 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
         accuracy=stated_accuracy(vehicle),
         receiver=receiver_of(vehicle),
         truth=simulated(vehicle),
-        notes=(*raw.notes, *notes, *height_notes, *gimbal_notes, *event_notes),
+        notes=(*raw.notes, *notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

@@ -10,13 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints, whole_numbers
 from calibration.foundation.errors import UsageError
 from pipeline.geometry import rotation
 from pipeline.telemetry.gimbals.frames import (
     ENCODER_ERROR,
-    YAW_IN_EARTH_FRAME,
-    YAW_IN_VEHICLE_FRAME,
+    as_outputs,
     frame_of_flags,
     held_frame,
     own_north,
@@ -32,7 +31,7 @@ from pipeline.telemetry.log.flight_log import (
 from pipeline.telemetry.log.series import gimbal_series
 from pipeline.telemetry.log.tables import MessageTable
 from pipeline.telemetry.mavlink.times import log_time_of
-from pipeline.telemetry.mavlink.vehicle import Vehicle
+from pipeline.telemetry.mavlink.vehicle import AUTOPILOT_NAMES, Vehicle
 
 Reader = Callable[[Vehicle, MessageTable, AttitudeSeries | None], tuple[GimbalSeries, list[str]]]
 
@@ -106,7 +105,7 @@ def _no_gimbal(vehicle: Vehicle, asked: int, codes: list[int]) -> UsageError:
 
 def gimbal_of(table: MessageTable) -> Ints:
     """Which gimbal each message (n,) is of: its component * 256 + its device."""
-    device = np.nan_to_num(table.floats("gimbal_device_id")).astype(np.int64)
+    device = whole_numbers(table.floats("gimbal_device_id"))
     return np.asarray(table.component.astype(np.int64) << 8 | device)
 
 
@@ -124,18 +123,16 @@ def _device(vehicle: Vehicle, table: MessageTable, body: AttitudeSeries | None) 
     flags = table.floats("flags")
     frame = frame_of_flags(flags)
     q = np.asarray(table.columns["q"], float)
-    broken = (np.nan_to_num(table.floats("failure_flags")).astype(np.int64) & ENCODER_ERROR) != 0
+    broken = (whole_numbers(table.floats("failure_flags")) & ENCODER_ERROR) != 0
     q = np.where(broken[:, None], np.nan, q)
-    notes = []
-    stated = (np.nan_to_num(flags).astype(np.int64) & (YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME)) != 0
-    if vehicle.ardupilot and np.all(table.component == vehicle.component) and ((frame == EARTH) & ~stated).any():
-        frame = np.where(stated, frame, HEADING)
-        notes.append(f"{table.name}: ArduPilot's own yaw counts from the vehicle's heading, whatever yaw lock says")
+    who = AUTOPILOT_NAMES.get(vehicle.autopilot, "")
+    own = bool(who) and bool(np.all(table.component == vehicle.component))
+    frame, notes = as_outputs(table.name, who, frame, flags, np.full(len(table), own))
     time = log_time_of(vehicle, table)
     order = np.argsort(time, kind="stable")
     series = gimbal_series(source=table.name, time_s=time, attitude=q, frame=frame)
     series, north = own_north(series, table.floats("delta_yaw")[order], body)
-    series, held = held_frame(series, body)
+    series, held = held_frame(series, body, commanded=own)
     return series, [*notes, *north, *held]
 
 
@@ -144,7 +141,8 @@ def _orientation(vehicle: Vehicle, table: MessageTable, body: AttitudeSeries | N
     series = gimbal_series(source=table.name, time_s=log_time_of(vehicle, table), attitude=q, frame=frame)
     relative = rotation.ned_from_frd(*np.radians([table.floats(angle) for angle in ("yaw", "pitch", "roll")]))
     order = np.argsort(log_time_of(vehicle, table), kind="stable")
-    return held_frame(series, body, relative[order])
+    own = bool(np.all(table.component == vehicle.component))
+    return held_frame(series, body, relative[order], commanded=own)
 
 
 def _mount_status(vehicle: Vehicle, table: MessageTable, body: AttitudeSeries | None) -> tuple[GimbalSeries, list[str]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.telemetry.clocks.clock_model import fit_clock
-from pipeline.telemetry.clocks.utc import plausible_utc
+from pipeline.telemetry.clocks.utc import believed_utc
 from pipeline.telemetry.log.flight_log import (
     ClockModel,
 )
@@ -18,16 +18,15 @@ UNIX_US = 1e15
 UTC_FLOOR_S = 0.05
 
 
-def utc_clock(vehicle: Vehicle) -> ClockModel | None:
-    """UTC against log time; None where the log does not know it."""
+def utc_clock(vehicle: Vehicle) -> tuple[ClockModel | None, tuple[str, ...]]:
+    """UTC against log time, None where the log does not know it; and what is said of readings that are not used."""
     table = vehicle.own("SYSTEM_TIME")
     if table is None:
-        return None
+        return None, ()
     unix = table.floats("time_unix_usec") * 1e-6
     log = vehicle.clock.of_boot_time(table.place, table.floats("time_boot_ms") / 1000)
-    return fit_clock(
-        "SYSTEM_TIME", log, np.where(plausible_utc(unix), unix, np.nan), floor_s=UTC_FLOOR_S, set_later=True
-    )
+    utc, notes = believed_utc(table.name, log, unix)
+    return fit_clock(table.name, log, utc, floor_s=UTC_FLOOR_S, set_later=True), notes
 
 
 def log_time_of(vehicle: Vehicle, table: MessageTable, utc: ClockModel | None = None) -> Floats:

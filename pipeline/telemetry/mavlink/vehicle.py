@@ -14,8 +14,10 @@ from pipeline.telemetry.log.tables import MessageTable, RawLog
 GPS_MESSAGES = ("GPS_RAW_INT", "GPS2_RAW")
 POSITION_MESSAGES = ("GLOBAL_POSITION_INT", *GPS_MESSAGES, "AHRS2")
 BOOT_MESSAGES = ("ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "SYSTEM_TIME")
-NO_AUTOPILOT, ARDUPILOT, GROUND_STATION = 8, 3, 6
-"""MAV_AUTOPILOT_INVALID and MAV_AUTOPILOT_ARDUPILOTMEGA of a heartbeat's `autopilot`, MAV_TYPE_GCS of its `type`."""
+NO_AUTOPILOT, GROUND_STATION = 8, 6
+"""MAV_AUTOPILOT_INVALID of a heartbeat's `autopilot`, MAV_TYPE_GCS of its `type`."""
+AUTOPILOT_NAMES = {3: "ArduPilot", 12: "PX4"}
+"""MAV_AUTOPILOT of those whose own gimbal messages are known to say one thing and mean another."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,17 +30,19 @@ class Vehicle:
     clock: BootClock
 
     @property
-    def ardupilot(self) -> bool:
-        """Whether the autopilot says that it is ArduPilot."""
-        return _is_ardupilot(self.raw, (self.system, self.component))
+    def autopilot(self) -> int:
+        """What the autopilot says that it is (MAV_AUTOPILOT); -1 where it does not."""
+        table = self.own("HEARTBEAT")
+        return -1 if table is None else int(np.median(table.floats("autopilot")))
 
     def parameter(self, name: str) -> float | None:
-        """A parameter of the autopilot as it was sent last; None where it was not."""
+        """A parameter of the autopilot as it was sent last; None where it was not, or is no number."""
         table = self.own("PARAM_VALUE")
         if table is None:
             return None
         mine = np.flatnonzero([_text(value) == name for value in table.columns["param_id"].tolist()])
-        return float(table.floats("param_value")[mine[-1]]) if len(mine) else None
+        value = float(table.floats("param_value")[mine[-1]]) if len(mine) else np.nan
+        return value if np.isfinite(value) else None
 
     def own(self, name: str) -> MessageTable | None:
         """Messages of the autopilot itself."""
@@ -110,11 +114,6 @@ def _heartbeats(raw: RawLog) -> tuple[set[tuple[int, int]], set[tuple[int, int]]
     names = {int(c): (int(c) >> 8, int(c) & 255) for c in np.flatnonzero(all_of)}
     autopilots = {who for c, who in names.items() if 2 * yes[c] > all_of[c]}
     return autopilots, set(names.values()) - autopilots
-
-
-def _is_ardupilot(raw: RawLog, chosen: tuple[int, int]) -> bool:
-    table = raw.table("HEARTBEAT", lambda t: (t.system == chosen[0]) & (t.component == chosen[1]))
-    return table is not None and bool(np.median(table.floats("autopilot")) == ARDUPILOT)
 
 
 def boot_readings(raw: RawLog, chosen: tuple[int, int]) -> tuple[Ints, Floats, Floats]:

@@ -21,7 +21,8 @@ def subtitles_in(path: Path) -> str:
 
     try:
         with path.open("rb") as file, container_of(file) as container:
-            tracks = [s for s in container.streams.subtitles if s.codec_context.name in SUBTITLE_NAMES]
+            known = [s for s in container.streams.subtitles if s.codec_context is not None]
+            tracks = [s for s in known if s.codec_context.name in SUBTITLE_NAMES]
             if not tracks:
                 raise _none(path)
             video = next(iter(container.streams.video), None)

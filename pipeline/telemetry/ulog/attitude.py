@@ -6,10 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, whole_numbers
 from calibration.foundation.errors import UsageError
 from pipeline.geometry import rotation
-from pipeline.telemetry.gimbals.frames import ENCODER_ERROR, frame_of_flags, held_frame, own_north, same_gimbal
+from pipeline.telemetry.gimbals.frames import (
+    ENCODER_ERROR,
+    NEUTRAL,
+    PITCH_LOCK,
+    ROLL_LOCK,
+    YAW_LOCK,
+    as_outputs,
+    frame_of_flags,
+    held_frame,
+    own_north,
+    same_gimbal,
+)
 from pipeline.telemetry.log.flight_log import (
     HEADING,
     AttitudeSeries,
@@ -17,6 +28,9 @@ from pipeline.telemetry.log.flight_log import (
 )
 from pipeline.telemetry.log.series import attitude_series, gimbal_series
 from pipeline.telemetry.ulog.topics import Topic, floats, topic_time
+
+OUTPUT_FLAGS = NEUTRAL | ROLL_LOCK | PITCH_LOCK | YAW_LOCK
+"""What PX4 writes beside the angles of its own outputs, always (gimbal/output_rc.cpp), whatever it was asked for."""
 
 
 def _quaternion(topic: Topic, name: str = "q") -> Floats:
@@ -63,11 +77,14 @@ def _gimbals(instances: dict[int, Topic]) -> dict[int, Topic]:
     """The messages of each gimbal, by its device's number where it has one, else by its instance."""
     found: dict[int, Topic] = {}
     for number, topic in instances.items():
-        device = np.nan_to_num(floats(topic, "gimbal_device_id")).astype(int)
+        device = whole_numbers(floats(topic, "gimbal_device_id"))
         for one in np.unique(device).tolist():
             rows = device == one
             mine = topic if rows.all() else {name: np.asarray(column)[rows] for name, column in topic.items()}
-            found.setdefault(one or number, mine)
+            name = one or number
+            while name in found:  # an instance's number that is another one's device
+                name += 1
+            found[name] = mine
     return found
 
 
@@ -82,14 +99,15 @@ def _no_gimbal(path: Path, asked: int, there: list[int]) -> UsageError:
 
 def _device(name: str, topic: Topic, body: AttitudeSeries | None) -> tuple[GimbalSeries, list[str]]:
     """Quaternions whose flags say what they count from."""
-    time = topic_time(topic)
-    frame = frame_of_flags(floats(topic, "device_flags"))
-    broken = (np.nan_to_num(floats(topic, "failure_flags")).astype(np.int64) & ENCODER_ERROR) != 0
+    time, flags = topic_time(topic), floats(topic, "device_flags")
+    outputs = (flags == OUTPUT_FLAGS) & (np.nan_to_num(floats(topic, "received_from_mavlink")) == 0)
+    frame, notes = as_outputs(name, "PX4", frame_of_flags(flags), flags, outputs)
+    broken = (whole_numbers(floats(topic, "failure_flags")) & ENCODER_ERROR) != 0
     attitude = np.where(broken[:, None], np.nan, _quaternion(topic))
     series = gimbal_series(source=name, time_s=time, attitude=attitude, frame=frame)
     series, north = own_north(series, floats(topic, "delta_yaw")[np.argsort(time, kind="stable")], body)
-    series, held = held_frame(series, body)
-    return series, [*north, *held]
+    series, held = held_frame(series, body, commanded=bool(outputs.any()))
+    return series, [*notes, *north, *held]
 
 
 def _orientation(name: str, topic: Topic, body: AttitudeSeries | None) -> tuple[GimbalSeries, list[str]]:
@@ -97,4 +115,4 @@ def _orientation(name: str, topic: Topic, body: AttitudeSeries | None) -> tuple[
     roll, pitch, yaw = (floats(topic, f"attitude_euler_angle[{i}]") for i in range(3))
     q = rotation.ned_from_frd(yaw, pitch, roll)
     series = gimbal_series(source=name, time_s=topic_time(topic), attitude=q, frame=np.full(len(q), HEADING))
-    return held_frame(series, body)
+    return held_frame(series, body, commanded=True)

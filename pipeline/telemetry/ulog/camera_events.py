@@ -8,17 +8,22 @@ from calibration.foundation.arrays import Floats
 from pipeline.telemetry.ulog.topics import Topic, floats, topic_time
 
 
-def camera_events(topics: dict[str, Topic]) -> tuple[Floats, str]:
-    """Log times (k,) of exposures, and which topic says so; trigger and feedback of one number are one exposure."""
+def camera_events(instances: dict[str, dict[int, Topic]]) -> tuple[Floats, str, tuple[str, ...]]:
+    """Log times (k,) of exposures of one camera, which topic says so, and notes.
+
+    Trigger and feedback of one number are one exposure; each instance of the topic is a camera's.
+    """
     for name in ("camera_capture", "camera_trigger"):
-        topic = topics.get(name)
-        if topic is None:
+        each = instances.get(name, {})
+        if not each:
             continue
+        first, topic = min(each), each[min(each)]
         time, taken = topic_time(topic), np.ones(len(topic["timestamp"]), dtype=bool)
         if "result" in topic:
             taken &= floats(topic, "result") != 0
         if "feedback" in topic and (floats(topic, "feedback") == 1).any():  # when the camera says that it exposed
             taken &= floats(topic, "feedback") == 1
         if taken.any():
-            return np.unique(time[taken]), name
-    return np.empty(0), ""
+            said = f"{len(each)} cameras speak in {name}; instance {first} is used"
+            return np.unique(time[taken]), name, (said,) if len(each) > 1 else ()
+    return np.empty(0), "", ()

@@ -30,8 +30,9 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         progress(1.0)
     position, height_notes = vehicle_position(topics)
     attitude = vehicle_attitude(topics)
-    events, event_source = camera_events(topics)
+    events, event_source, event_notes = camera_events(log.instances)
     accuracy = stated_accuracy(topics)
+    utc, utc_notes = utc_clock(topics, log.info)
     mount, gimbals, gimbal_notes = gimbal_attitude(path, log.instances, attitude, gimbal)
     return FlightLog(
         path=path,
@@ -45,8 +46,8 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         gimbal=mount,
         camera_event_s=events,
         camera_event_source=event_source,
-        utc=utc_clock(topics, log.info),
+        utc=utc,
         accuracy=accuracy,
         receiver=receiver_of(topics, accuracy.source),
-        notes=(*log.notes, *height_notes, *gimbal_notes),
+        notes=(*log.notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

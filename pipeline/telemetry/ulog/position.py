@@ -35,8 +35,21 @@ def vehicle_position(topics: dict[str, Topic]) -> tuple[PositionSeries | None, t
         if name in topics:
             series = read(name, topics[name], undulation)
             if series.valid.sum() >= 2:
-                return series, () if undulation is None else undulation.notes
+                notes = () if undulation is None else undulation.notes
+                return series, (*notes, *_reckoned(name, topics[name]))
     return None, ()
+
+
+def _reckoned(name: str, topic: Topic) -> tuple[str, ...]:
+    """A note where PX4 itself says that a position goes on without a receiver: its errors grow meanwhile."""
+    alone = np.flatnonzero(floats(topic, "dead_reckoning") == 1)
+    if not len(alone):
+        return ()
+    time = topic_time(topic)
+    return (
+        f"{len(alone)} of {len(time)} positions in {name} are dead reckoning, by PX4's own flag, the first at log time"
+        f" {time[alone[0]]:.1f} s, the last at {time[alone[-1]]:.1f} s: nothing holds it then",
+    )
 
 
 def _undulation(topics: dict[str, Topic]) -> Undulation | None:

@@ -14,6 +14,7 @@ from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
 from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
 
+RECEIVED, PRIMARY = 3, "estimator_selector_status"
 GPS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 ROUNDS = 8
 """pyulog reads a whole log once, in pieces of three bytes and more."""
@@ -40,7 +41,7 @@ class _Onwards(io.BufferedReader):
 class PX4Log:
     """What pyulog found.
 
-    topics      first instance of each topic; times of later boots go on after those of earlier ones
+    topics      of each topic the instance that is used; times of later boots go on after those of earlier ones
     instances   every instance of each topic
     counts      messages per topic
     info, parameters  what the log's head says of vehicle and settings
@@ -88,7 +89,7 @@ def load_topics(path: Path) -> PX4Log:
     complaints = said.getvalue().splitlines()
     slow = (f"{len(log.dropouts)} dropouts: the card was too slow for the log",) if log.dropouts else ()
     return PX4Log(
-        topics={name: each[min(each)] for name, each in instances.items()},
+        topics={name: _chosen(name, instances) for name in instances},
         instances=instances,
         counts=counts,
         info=dict(log.msg_info_dict),
@@ -96,6 +97,18 @@ def load_topics(path: Path) -> PX4Log:
         notes=(*slow, *boots, *(f"pyulog: {line}" for line in dict.fromkeys(complaints))),
         complaints=len(complaints),
     )
+
+
+def _chosen(name: str, instances: dict[str, dict[int, Topic]]) -> Topic:
+    """The first instance of a topic; of receivers the first with a 3D fix, of estimators the one that flew mostly."""
+    each = instances[name]
+    if name in GPS_TOPICS:
+        fixed = (t for _, t in sorted(each.items()) if (floats(t, "fix_type") >= RECEIVED).any())
+        return next(fixed, each[min(each)])
+    if name.startswith("estimator_") and name != PRIMARY and PRIMARY in instances:
+        selected = floats(_chosen(PRIMARY, instances), "primary_instance")
+        return each.get(int(np.median(selected)) if np.isfinite(selected).any() else 0, each[min(each)])
+    return each[min(each)]
 
 
 def continue_boots(topics: list[Topic]) -> list[str]:

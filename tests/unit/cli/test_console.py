@@ -78,7 +78,20 @@ def test_piped_progress_is_a_line_now_and_then(monkeypatch, capsys):
     console = Console()
     for done in (1, 2, 3, 4):
         console.progress("track uav1", done, 4)
+    console.close()
     assert capsys.readouterr().err.splitlines() == ["track uav1: 2 of 4 (50 %)", "track uav1: 4 of 4 (100 %)"]
+
+
+def test_what_takes_long_is_said_again_and_again_by_its_name(monkeypatch, capsys):
+    monkeypatch.setattr(speaking, "LINE_EVERY_S", 0.01)
+    console = Console()
+    console.told_s += 1e6  # nothing is due but by waiting
+    console.progress("sigmas and verdict", 0, 1)
+    said = ""
+    while said.count("\n") < 3:
+        said += capsys.readouterr().err
+    console.close()
+    assert set(said.splitlines()) == {"sigmas and verdict"}
 
 
 def test_quiet_says_nothing(monkeypatch, capsys):

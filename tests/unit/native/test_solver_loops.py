@@ -15,15 +15,20 @@ from tests.scenes.solver import placed_model, rich_model
 from tests.unit.native.conftest import built
 from tests.unit.solver.adjustment import test_compiled_descent as descents
 from tests.unit.solver.adjustment import test_kernels as kernels
+from tests.unit.solver.offset_search import test_polynomial as search
 
 ROOT = Path(__file__).parents[3]
-TWINS = ("tests/unit/solver/adjustment/test_kernels.py", "tests/unit/solver/adjustment/test_compiled_descent.py")
+ADJUSTMENT, SEARCH = units.LOOPS
+TWINS = (
+    "tests/unit/solver/adjustment/test_kernels.py", "tests/unit/solver/adjustment/test_compiled_descent.py",
+    "tests/unit/solver/offset_search/test_polynomial.py",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def loops(tmp_path_factory):
     """The extension, built of the source as it is now."""
-    return built(units.written(ROOT), units.NAME, tmp_path_factory.mktemp("loops"))
+    return built(units.written(ROOT, ADJUSTMENT), units.NAME, tmp_path_factory.mktemp("loops"))
 
 
 @pytest.fixture
@@ -32,7 +37,7 @@ def ahead(loops, monkeypatch):
     for name in dir(loops):
         module, _, function = name.partition(":")
         if function:
-            monkeypatch.setattr(sys.modules[f"{units.PACKAGE}.{module}"], function, getattr(loops, name))
+            monkeypatch.setattr(sys.modules[f"{ADJUSTMENT}.{module}"], function, getattr(loops, name))
     return loops
 
 
@@ -73,6 +78,13 @@ def test_every_loop_that_python_calls_is_built(loops):
         "_band:inverse_band", "log_poses:_carry",
     }  # fmt: skip
     assert wanted <= names
+
+
+def test_the_search_has_its_twin_ahead_of_time(tmp_path, monkeypatch):
+    made = built(units.written(ROOT, SEARCH), units.NAME, tmp_path)
+    monkeypatch.setattr(search.polynomial_polish, "frame_sums", getattr(made, "_frame_sums:frame_sums"))
+    monkeypatch.setattr(search.polynomial_polish, "is_compiled", lambda _: True)
+    search.test_compiled_sums_over_frames_are_those_of_the_plain_ones()
 
 
 def test_loops_of_other_text_are_not_used(tmp_path):

@@ -22,7 +22,7 @@ from tests.scenes.logs import PLACE
 
 HERE = Path(__file__).parent
 LAT, LON = np.degrees(PLACE.lat_rad), np.degrees(PLACE.lon_rad)
-KINDS = ("ids", "validity", "frames", "heights", "sigmas", "clocks", "definitions")
+KINDS = ("ids", "validity", "frames", "heights", "sigmas", "clocks", "boots", "definitions")
 FORMATS = ("tlog", "DataFlash old", "DataFlash new", "ULog", "SRT", "KLV", "CSV")
 MORE, LOGS, KLV, CSV = (
     "test_kinds_by_format.py",
@@ -30,6 +30,7 @@ MORE, LOGS, KLV, CSV = (
     "klv/test_klv.py",
     "flight_records/test_flight_records.py",
 )
+IDS = "test_kinds_of_ids.py"
 WORTH, OWN, SRT = "camera_pose/test_sigma_over_time.py", "test_kinds.py", "test_inspection_and_subtitles.py"
 
 CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
@@ -37,9 +38,23 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
         f"{MORE}::test_an_autopilot_is_what_its_heartbeat_says",
         f"{MORE}::test_one_camera_of_several_is_taken",
     ),
-    ("ids", "DataFlash old"): (f"{OWN}::test_old_second_receiver_is_a_message_of_its_own",),
-    ("ids", "DataFlash new"): (f"{MORE}::test_accuracy_is_that_of_the_receiver_in_use", f"{MORE}::test_mnt_instances"),
-    ("ids", "ULog"): (f"{MORE}::test_px4_gimbals",),
+    ("ids", "DataFlash old"): (
+        f"{OWN}::test_old_second_receiver_is_a_message_of_its_own",
+        f"{IDS}::test_the_one_in_use",
+        f"{IDS}::test_one_that_takes_over_on_the_way",
+        f"{IDS}::test_the_one_that_flew",
+    ),
+    ("ids", "DataFlash new"): (
+        f"{MORE}::test_accuracy_is_that_of_the_receiver_in_use",
+        f"{MORE}::test_mnt_instances",
+        f"{IDS}::test_one_camera_of_several_in_dataflash",
+    ),
+    ("ids", "ULog"): (
+        f"{MORE}::test_px4_gimbals",
+        f"{IDS}::test_a_receiver_with_a_fix",
+        f"{IDS}::test_the_estimator_that_was_selected",
+        f"{IDS}::test_one_camera_of_several",
+    ),
     ("ids", "SRT"): "subtitles are those of one video of one vehicle: nothing in them tells another",
     ("ids", "KLV"): (f"{KLV}::test_two_sensors_are_two_vehicles", f"{KLV}::test_a_picture_from_another_sensor_is_said"),
     ("ids", "CSV"): "a record is of one vehicle with one camera: no column tells another",
@@ -49,17 +64,26 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ),
     ("validity", "DataFlash old"): (f"{OWN}::test_old_status",),
     ("validity", "DataFlash new"): (f"{MORE}::test_dataflash_gps_without_a_fix_is_none",),
-    ("validity", "ULog"): (f"{MORE}::test_px4_flags",),
+    ("validity", "ULog"): (f"{MORE}::test_px4_flags", f"{IDS}::test_dead_reckoning_is_said"),
     ("validity", "SRT"): (f"{OWN}::test_subtitles_at_0_0",),
     ("validity", "KLV"): (f"{KLV}::test_error_values", f"{KLV}::test_an_error_value_is_none"),
-    ("validity", "CSV"): (f"{CSV}::test_0_0_is_no_place",),
+    ("validity", "CSV"): (
+        f"{CSV}::test_0_0_is_no_place",
+        f"{CSV}::test_a_decoder_that_writes_metres_and_utc_and_says_neither",
+    ),
     ("frames", "tlog"): (
         f"{MORE}::test_a_servo_gimbal_that_flags_a_lock",
         f"{MORE}::test_yaw_is_held_against_the_heading",
+        f"{MORE}::test_servos_whose_flags_change_on_the_way",
+        f"{MORE}::test_px4_s_own_outputs",
     ),
     ("frames", "DataFlash old"): (f"{OWN}::test_old_mount_does_not_say_what_it_counts_from",),
-    ("frames", "DataFlash new"): (f"{MORE}::test_mnt_of_servos",),
-    ("frames", "ULog"): (f"{MORE}::test_px4_flags_of_servos",),
+    ("frames", "DataFlash new"): (f"{MORE}::test_mnt_of_servos", f"{MORE}::test_mnt_that_never_moves"),
+    ("frames", "ULog"): (
+        f"{MORE}::test_px4_flags_of_servos",
+        f"{MORE}::test_px4_s_own_outputs",
+        f"{MORE}::test_a_gimbal_s_own_yaw_lock_is_believed",
+    ),
     ("frames", "SRT"): (f"{SRT}::test_gimbal_angles_are_pitch_roll_yaw",),
     ("frames", "KLV"): (
         f"{KLV}::test_positions_attitudes_and_the_videos_start",
@@ -84,26 +108,48 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ("sigmas", "DataFlash new"): (f"{WORTH}::test_a_fix_that_is_lost_on_the_way",),
     ("sigmas", "ULog"): (f"{WORTH}::test_a_fix_that_is_lost_on_the_way",),
     ("sigmas", "SRT"): (f"{MORE}::test_digits_are_part_of_the_sigma", f"{MORE}::test_a_staircase_is_a_sample_a_step"),
-    ("sigmas", "KLV"): (f"{OWN}::test_klv_states_no_accuracy",),
-    ("sigmas", "CSV"): (f"{CSV}::test_airdata",),
+    ("sigmas", "KLV"): (f"{OWN}::test_klv_states_no_accuracy", f"{KLV}::test_places_renewed_five_times_a_second"),
+    ("sigmas", "CSV"): (f"{CSV}::test_airdata", f"{CSV}::test_places_renewed_twice_a_second_are_a_sample_a_step"),
     ("clocks", "tlog"): (
         f"{MORE}::test_utc_that_was_set_on_the_way",
+        f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
+        f"{MORE}::test_a_week_that_rolled_over_is_told",
         f"{LOGS}::test_after_a_reboot_log_time_goes_on_by_the_recorders_clock",
     ),
     ("clocks", "DataFlash old"): (f"{OWN}::test_old_clocks",),
     ("clocks", "DataFlash new"): (
         f"{MORE}::test_a_log_that_loses_time_runs_at_its_own_rate",
+        f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
+        f"{MORE}::test_a_week_that_rolled_over_is_told",
         f"{MORE}::test_dataflash",
     ),
-    ("clocks", "ULog"): (f"{MORE}::test_a_log_that_counts_from_1970", f"{MORE}::test_when_a_px4_vehicle_started"),
+    ("clocks", "ULog"): (
+        f"{MORE}::test_a_log_that_counts_from_1970",
+        f"{MORE}::test_when_a_px4_vehicle_started",
+        f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
+        f"{MORE}::test_a_week_that_rolled_over_is_told",
+    ),
     ("clocks", "SRT"): (f"{MORE}::test_subtitles",),
     ("clocks", "KLV"): (f"{KLV}::test_a_clock_that_was_set_on_the_way", f"{KLV}::test_leap_seconds"),
-    ("clocks", "CSV"): (f"{CSV}::test_utc_of_whole_seconds_is_told_where_they_tick", f"{CSV}::test_past_midnight"),
+    ("clocks", "CSV"): (
+        f"{CSV}::test_utc_of_whole_seconds_is_told_where_they_tick",
+        f"{CSV}::test_past_midnight",
+        f"{CSV}::test_a_clock_of_seconds_or_milliseconds",
+    ),
+    ("boots", "tlog"): (f"{LOGS}::test_after_a_reboot_log_time_goes_on_by_the_recorders_clock",),
+    ("boots", "DataFlash old"): (f"{OWN}::test_old_firmware_that_starts_anew",),
+    ("boots", "DataFlash new"): (f"{MORE}::test_dataflash",),
+    ("boots", "ULog"): (f"{MORE}::test_px4",),
+    ("boots", "SRT"): (f"{MORE}::test_subtitles",),
+    ("boots", "KLV"): (f"{KLV}::test_two_recordings_in_one_file",),
+    ("boots", "CSV"): (f"{CSV}::test_two_recordings_are_two_flights",),
     ("definitions", "tlog"): (f"{LOGS}::test_a_file_of_definitions_adds_the_users_messages",),
     ("definitions", "DataFlash old"): (f"{OWN}::test_old_clocks", f"{OWN}::test_old_heights"),
     ("definitions", "DataFlash new"): (
         f"{MORE}::test_a_declared_length_is_stepped_over",
         f"{MORE}::test_a_later_definition_holds_for_later_messages",
+        f"{MORE}::test_a_flipped_bit_in_a_field_s_name_or_behind_it_costs_nothing_else",
+        f"{MORE}::test_a_definition_that_is_lost_costs_no_other_messages",
     ),
     ("definitions", "ULog"): (f"{OWN}::test_px4_fields_of_old_and_new_firmware",),
     ("definitions", "SRT"): (f"{MORE}::test_dialects_of_subtitles",),
@@ -112,7 +158,11 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
         f"{KLV}::test_any_other_byte_breaks_it",
         f"{OWN}::test_klv_of_unknown_items",
     ),
-    ("definitions", "CSV"): (f"{CSV}::test_metres_rather_than_feet_and_the_finer_clock",),
+    ("definitions", "CSV"): (
+        f"{CSV}::test_metres_rather_than_feet_and_the_finer_clock",
+        f"{CSV}::test_cells_parted_by_something_else",
+        f"{CSV}::test_an_unknown_unit_of_time_is_refused",
+    ),
 }
 
 
@@ -162,7 +212,7 @@ def old_record(name: str, *values: float | bytes) -> bytes:
     return b"\xa3\x95" + struct.pack("<B" + "".join(PACK[letter] for letter in letters), kind, *values)
 
 
-def old_log(path, *, status=3, second=None, mount=False, lean=lambda t: 0.0):
+def old_log(path, *, status=3, second=None, mount=False, lean=lambda t: 0.0, boot_ms=100_000, week_ms=107_000):
     """Ten seconds at 10 Hz: east of PLACE, boot at 100 s, week 1800, the receiver's own time 7 s into it at boot."""
     records = []
     for kind, letters, columns in OLD.values():
@@ -170,14 +220,14 @@ def old_log(path, *, status=3, second=None, mount=False, lean=lambda t: 0.0):
         name = next(n for n, (k, _, _) in OLD.items() if k == kind)
         records.append(old_record("FMT", kind, length, name.encode(), letters.encode(), columns.encode()))
     for i in range(100):
-        ms, t = 100_000 + 100 * i, i / 10
+        ms, t = boot_ms + 100 * i, i / 10
         lat, lon = round(LAT * 1e7) + 37, round(LON * 1e7) + 101 * i
         fix = status(i) if callable(status) else status
         records.append(
-            old_record("GPS", fix, 107_000 + 100 * i, 1800, 12, 80, lat, lon, 2000, 12000, 1000, 9000, 0.0, ms)
+            old_record("GPS", fix, week_ms + 100 * i, 1800, 12, 80, lat, lon, 2000, 12000, 1000, 9000, 0.0, ms)
         )
         if second is not None:
-            records.append(old_record("GPS2", 3, 107_000 + 100 * i, 1800, 12, 80, *second, 99900, 0, 0, 0, 0.0, ms))
+            records.append(old_record("GPS2", 3, week_ms + 100 * i, 1800, 12, 80, *second, 99900, 0, 0, 0, 0.0, ms))
         roll, pitch = 10 * np.sin(2 * t) + lean(t), 10 * np.cos(1.7 * t)
         records.append(old_record("ATT", ms, 0, round(100 * roll), 0, round(100 * pitch), 0, 9000, 0, 0))
         if mount:
@@ -230,6 +280,16 @@ def test_old_clocks(tmp_path):
     assert log.position.time_s == pytest.approx(100 + np.arange(100) / 10)
     assert log.attitude.time_s == pytest.approx(100 + np.arange(100) / 10)
     assert utc_at(log, 100.0) == pytest.approx(315_964_800 + 1800 * 604_800 + 107 - 16, abs=1e-3)
+
+
+def test_old_firmware_that_starts_anew(tmp_path):
+    """[AP] a second boot in the file: T falls back, and log time goes on by the receiver's week, ten minutes later."""
+    old_log(tmp_path / "a.bin")
+    old_log(tmp_path / "b.bin", boot_ms=5_000, week_ms=707_000)
+    (tmp_path / "c.bin").write_bytes((tmp_path / "a.bin").read_bytes() + (tmp_path / "b.bin").read_bytes())
+    log = read_log(tmp_path / "c.bin")
+    assert log.position.time_s[100:] == pytest.approx(700 + np.arange(100) / 10)
+    assert any("started anew" in note and "by GPS time" in note for note in log.notes)
 
 
 # --- cells that no other module has

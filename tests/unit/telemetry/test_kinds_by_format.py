@@ -170,6 +170,15 @@ class TestWhoseRow:
         assert facing(log, [105.0])[0, 1] == pytest.approx((-30, -70)[asked], abs=1e-4)
         assert log.gimbals == ()
 
+    def test_px4_instance_whose_number_is_another_s_device(self, tmp_path):
+        """[PX4] instance 0 is device 1, instance 1 says no device: two gimbals."""
+        topics = flying()
+        for name, pitch, number in (("", -30, 1), (".1", -70, 0)):
+            topics["gimbal_device_attitude_status" + name] = gimbal_topic(
+                [(t, turned(90, pitch), 64 | 12, number) for t in np.arange(100, 105, 0.1)]
+            )
+        assert len(read_log(ulog(tmp_path / "a.ulg", topics)).gimbals) == 2
+
     @pytest.mark.parametrize("asked", [1, 2])
     def test_px4_gimbals(self, tmp_path, asked):
         """[PX4] gimbal_device_attitude_status.gimbal_device_id."""
@@ -306,6 +315,89 @@ class TestFrames:
         log = tlog(tmp_path / "a.tlog", swaying_link(lambda i, t, ms: [(device(ms, servo(t), flags, number=1), 1)]))
         assert set(log.gimbal.frame) == {BODY}
         assert any("undo the vehicle's own" in note and "degrees apart" in note for note in log.notes)
+        np.testing.assert_allclose(facing(log, [103.0, 107.0])[:, 1:], [[-30, 0]] * 2, atol=0.3)
+
+    @pytest.mark.parametrize("form", ["tlog", "ulog"])
+    def test_servos_whose_flags_change_on_the_way(self, tmp_path, form):
+        """Yaw follows, then is locked: what the flags say of roll and pitch is held against the angles all the same."""
+        flags = lambda t: 12 | (32 if t < 10 else 64)  # noqa: E731
+        if form == "tlog":
+            log = tlog(
+                tmp_path / "a.tlog", swaying_link(lambda i, t, ms: [(device(ms, servo(t), flags(t), number=1), 1)])
+            )
+        else:
+            times = np.arange(100, 120, 0.1)
+            topics = {
+                **flying(seconds=20.0),
+                "vehicle_attitude": ({"q[4]": "q"}, [{"t": t, "q[4]": turned(*swaying(t - 100))} for t in times]),
+                "gimbal_device_attitude_status": gimbal_topic([(t, servo(t - 100), flags(t - 100), 0) for t in times]),
+            }
+            log = read_log(ulog(tmp_path / "a.ulg", topics))
+        assert set(log.gimbal.frame) == {BODY}
+        np.testing.assert_allclose(facing(log, [103.0, 117.0])[:, 1:], [[-30, 0]] * 2, atol=0.3)
+
+    def test_yaw_whose_flags_change_is_held_part_by_part(self, tmp_path):
+        """The first half says north, and turns back against the vehicle; the second says heading, and is."""
+
+        def say(i, t, ms):
+            yaw, flag = (40 - swaying(t)[0], 64) if t < 20 else (5.0, 32)
+            return [(device(ms, turned(yaw, -30), 12 | flag), 154)]
+
+        log = tlog(tmp_path / "a.tlog", swaying_link(say, seconds=40))
+        assert set(log.gimbal.frame) == {HEADING}
+        want = [40.0, swaying(30.0)[0] + 5]
+        np.testing.assert_allclose(facing(log, [110.0, 130.0])[:, 0], want, atol=0.3)
+
+    @pytest.mark.parametrize("form", ["tlog", "ulog"])
+    def test_px4_s_own_outputs(self, tmp_path, form):
+        """[PX4] gimbal/output_rc.cpp flags what it sends its outputs as locked in all axes (30), and it is against the
+        vehicle; angles that never move are commands: whether the camera levels itself nobody says."""
+        if form == "tlog":
+            say = lambda i, t, ms: [(device(ms, turned(10, -30), 30, number=1), 1)]  # noqa: E731
+            log = tlog(tmp_path / "a.tlog", swaying_link(say, autopilot=12))
+        else:
+            times = np.arange(100, 120, 0.1)
+            topics = {
+                **flying(seconds=20.0),
+                "vehicle_attitude": ({"q[4]": "q"}, [{"t": t, "q[4]": turned(*swaying(t - 100))} for t in times]),
+                "gimbal_device_attitude_status": gimbal_topic([(t, turned(10, -30), 30, 0) for t in times]),
+            }
+            log = read_log(ulog(tmp_path / "a.ulg", topics))
+        want = [swaying(t)[0] + 10 for t in (3.0, 7.0)]
+        np.testing.assert_allclose(facing(log, [103.0, 107.0])[:, 0], want, atol=0.3)
+        assert any("PX4's own yaw counts from the vehicle's heading" in note for note in log.notes)
+        assert any("as commands do not" in note and "degrees apart" in note for note in log.notes)
+
+    def test_a_gimbal_s_own_yaw_lock_is_believed(self, tmp_path):
+        """[PX4] received_from_mavlink: the same flags of a gimbal that PX4 only heard."""
+        times = np.arange(100, 120, 0.1)
+        fields, rows = gimbal_topic([(t, turned(10, -30), 30, 0) for t in times])
+        heard = ({**fields, "received_from_mavlink": "b"}, [{**row, "received_from_mavlink": True} for row in rows])
+        topics = {
+            **flying(seconds=20.0),
+            "vehicle_attitude": ({"q[4]": "q"}, [{"t": t, "q[4]": turned(*swaying(t - 100))} for t in times]),
+            "gimbal_device_attitude_status": heard,
+        }
+        log = read_log(ulog(tmp_path / "a.ulg", topics))
+        np.testing.assert_allclose(facing(log, [103.0, 107.0]), [[10, -30, 0]] * 2, atol=0.3)
+        assert not any("commands" in note for note in log.notes)
+
+    def test_mnt_that_never_moves(self, tmp_path):
+        """[AP] MNT of a gimbal without feedback says what was asked for."""
+        records = []
+        for i in range(200):
+            us, (yaw, pitch, roll) = 100_000_000 + 100_000 * i, swaying(i / 10)
+            records.append(record("ATT", us, 0, round(100 * roll), 0, round(100 * pitch), 0, round(100 * yaw), 0, 0))
+            records.append(record("POS", us, LAT * 1e7, LON * 1e7, 100, 0, 0))
+            records.append(record("MNT", us, 0, 0, -30, 0, np.nan, 0, 0))
+        log = dataflash(tmp_path / "a.bin", *records)
+        assert any("MNT: its angles never move" in note and "degrees apart" in note for note in log.notes)
+
+    def test_of_a_long_series_a_part_tells(self, monkeypatch, tmp_path):
+        """Runs of neighbours, evenly over it, and not every n-th sample: unrest is from sample to sample."""
+        monkeypatch.setattr("pipeline.telemetry.gimbals.frames.RUN_ROWS", 4)
+        log = tlog(tmp_path / "a.tlog", swaying_link(lambda i, t, ms: [(device(ms, servo(t), 44, number=1), 1)]))
+        assert set(log.gimbal.frame) == {BODY}
         np.testing.assert_allclose(facing(log, [103.0, 107.0])[:, 1:], [[-30, 0]] * 2, atol=0.3)
 
     def test_a_stabilised_one_is_as_it_says(self, tmp_path):
@@ -541,15 +633,51 @@ class TestClocks:
         assert utc_at(log, 105.0) == pytest.approx(BOOT_UTC_S + 105.0, abs=0.01)
         assert any("2592000.0 s behind from log time 100.0 to 114.9" in note for note in log.notes)
 
-    def test_a_week_that_rolled_over_is_told(self, tmp_path):
-        link = Link()
-        fly(link, seconds=20, utc=False)
-        for i in range(100):
-            rolled = BOOT_UTC_S + 100 + i / 10 - 1024 * 604_800
-            message = mav.MAVLink_system_time_message(round(rolled * 1e6), 100_000 + 100 * i)
-            link.send(message, record_s=RECORD_EPOCH_S + i / 10 + 0.03)
-        log = tlog(tmp_path / "a.tlog", link)
-        assert any("2004" in note or "2003" in note for note in log.notes) or log.utc is None
+    def read_clock(self, tmp_path, form, utc):
+        """A minute's log in which `utc(t)` is what the receiver says, POSIX seconds, at log time 100 s + t."""
+        if form == "tlog":  # [MAV] SYSTEM_TIME.time_unix_usec
+            link = Link()
+            fly(link, seconds=60, utc=False)
+            for i in range(600):
+                message = mav.MAVLink_system_time_message(round(utc(i / 10) * 1e6), 100_000 + 100 * i)
+                link.send(message, record_s=RECORD_EPOCH_S + i / 10 + 0.03)
+            return tlog(tmp_path / "a.tlog", link)
+        if form == "ulog":  # [PX4] sensor_gps.time_utc_usec
+            rows = [{"t": 100 + i / 10, "time_utc_usec": round(utc(i / 10) * 1e6), "fix_type": 3} for i in range(600)]
+            topics = {
+                **flying(seconds=60.0),
+                "vehicle_gps_position": ({"time_utc_usec": "u64", "fix_type": "u1"}, rows),
+            }
+            return read_log(ulog(tmp_path / "a.ulg", topics))
+        rows = []  # [AP] GPS.GWk, GPS.GMS: 18 s ahead of UTC since 2017
+        for i in range(300):
+            week, second = divmod(utc(i / 5) - 315_964_800 + 18, 604_800)
+            rows.append(record("GPS", 100_000_000 + 200_000 * i, 0, 4, round(1000 * second), week, 14, 80, LAT * 1e7,
+                               LON * 1e7 + 100 * i, 10000, 10, 90, 0, 0, 1))  # fmt: skip
+        return dataflash(tmp_path / "a.bin", *rows)
+
+    @pytest.mark.parametrize("form", ["tlog", "ulog", "dataflash"])
+    @pytest.mark.parametrize("late", [1.0, -2.0])
+    def test_leap_seconds_that_a_receiver_learns_late(self, tmp_path, form, late):
+        """Its UTC steps by whole seconds when the almanac arrives: what comes after holds."""
+        log = self.read_clock(tmp_path, form, lambda t: 1.71e9 + t + late * (t < 40))
+        assert utc_at(log, 105.0) == pytest.approx(1.71e9 + 5.0, abs=0.01)
+        assert any(f"was {abs(late):.1f} s {'ahead' if late > 0 else 'behind'}" in note for note in log.notes)
+
+    def test_a_clock_that_drifts_was_not_set(self, tmp_path):
+        """An old quartz, 0.1 % fast: no step in it, and its rate is told."""
+        log = self.read_clock(tmp_path, "tlog", lambda t: 1.71e9 + 1.001 * t)
+        assert (log.utc.steps, log.utc.rate) == ((), pytest.approx(1.001, abs=1e-5))
+
+    @pytest.mark.parametrize("form", ["tlog", "ulog", "dataflash"])
+    @pytest.mark.parametrize(("rolled", "believed"), [(1024, False), (2048, False), (1024, True)])
+    def test_a_week_that_rolled_over_is_told(self, tmp_path, form, rolled, believed):
+        """2023 and 2026 by a receiver that counts weeks in ten bits: 2004 is thrown away, 2006 is doubted; both say
+        what they would mean."""
+        true = 1.78e9 if believed else 1.7e9
+        log = self.read_clock(tmp_path, form, lambda t: true + t - rolled * 604_800)
+        assert (log.utc is not None) == believed
+        assert any(f"rolled over would mean {'2026-05-28' if believed else '2023-11-14'}" in n for n in log.notes)
 
     def test_a_log_that_loses_time_runs_at_its_own_rate(self, tmp_path):
         """8.3 s in 100 s of log time, as of a real plane whose loop could not keep up."""
@@ -600,6 +728,28 @@ class TestDefinitions:
         log = read_log(tmp_path / "a.bin")
         assert (log.counts["POS"], log.counts["ATT"], log.corrupt_packets) == (101, 101, 0)
         assert any("IMU: definition contradicts itself" in note for note in log.notes)
+
+    @pytest.mark.parametrize("at", [28, 88])
+    def test_a_flipped_bit_in_a_field_s_name_or_behind_it_costs_nothing_else(self, tmp_path, at):
+        """No text any more where a bit is set high in a letter, or behind the last one: the others are read."""
+        broken = [d if d[5:8] != b"POS" else bytes([*d[:at], d[at] ^ 0x80, *d[at + 1 :]]) for d in definitions()]
+        (tmp_path / "a.bin").write_bytes(b"".join([*broken, *dataflash_records()[len(definitions()) :]]))
+        log = read_log(tmp_path / "a.bin")
+        assert (log.counts["POS"], log.corrupt_packets) == (101, 0)
+        assert np.degrees(log.position.lat_rad[5]) == pytest.approx(LAT)
+
+    def test_a_definition_that_is_lost_costs_no_other_messages(self, tmp_path):
+        """What stands before a message of a kind that nothing defines is whole, and so is a definition before the
+        place of the lost one."""
+        own = definitions()
+        lost = next(i for i, d in enumerate(own) if d[5:8] == b"IMU")
+        head = [bytes(89) if i == lost else d for i, d in enumerate(own)]
+        (tmp_path / "a.bin").write_bytes(b"".join([*head, *dataflash_records()[len(own) :]]))
+        log = read_log(tmp_path / "a.bin")
+        assert log.counts["FMT"] == len(own) - 1
+        assert {name: log.counts[name] for name in ("POS", "ATT", "GPS", "CAM")} == {
+            "POS": 101, "ATT": 101, "GPS": 51, "CAM": 11
+        }  # fmt: skip
 
     def test_fields_that_fit_into_a_longer_message_are_read(self, tmp_path):
         """Letters that leave some of the declared length over."""

@@ -47,6 +47,13 @@ def test_subtitles_in_the_video(tmp_path):
     assert 'telemetry = "video"' in inspect_log(log).flight_file
 
 
+def test_subtitles_that_ffmpeg_does_not_know(tmp_path):
+    path = video(tmp_path / "a.mkv", CUES)
+    path.write_bytes(path.read_bytes().replace(b"S_TEXT/UTF8", b"S_TEXT/UTF9"))
+    with pytest.raises(InputFileError, match="carries no log"):
+        read_log(path)
+
+
 def test_a_video_that_carries_nothing(tmp_path):
     with av.open(str(tmp_path / "a.mkv"), "w") as out:
         picture = out.add_stream("mpeg4", rate=10)

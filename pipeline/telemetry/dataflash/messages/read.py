@@ -32,8 +32,8 @@ from pipeline.telemetry.log.tables import Column, MessageTable, Progress, RawLog
 MOST_EPOCHS = 64
 """Redefinitions that are followed: a log that redefines more often is broken."""
 WANTED = (
-    "PARM", "ATT", "XKQ", "XKQ1", "NKQ1", "AHR2", "POS", "GPS", "GPA", "MNT", "CAM", "TRIG", "XKF4", "NKF4", "XKF1",
-    "NKF1", "ORGN", "SIM",
+    "PARM", "ATT", "XKQ", "XKQ1", "XKQ2", "NKQ", "NKQ1", "NKQ2", "AHR2", "POS", "GPS", "GPA", "GPS2", "GPA2", "GPSB",
+    "GPAB", "MNT", "CAM", "TRIG", "XKF4", "NKF4", "XKF1", "XKF6", "NKF1", "NKF6", "ORGN", "SIM",
 )  # fmt: skip
 
 

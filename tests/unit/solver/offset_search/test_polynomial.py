@@ -102,3 +102,24 @@ def test_what_polynomials_of_a_guessed_order_cannot_fit_is_given_up_and_rays_tha
     asked = tuple(replace(t, order="auto", motion="auto") for t in flight.problem.targets)
     found = search_offsets(replace(flight.problem, targets=asked), SolverSettings())
     assert abs(flight.middle_error_s(found[0])) < 0.15
+
+
+def test_compiled_sums_over_frames_are_those_of_the_plain_ones() -> None:
+    seen, orders = two_views()
+    rng = np.random.default_rng(3)
+    for orders_now in (orders, dict.fromkeys(orders, 0)):
+        clocks = np.array([[0.0, 1.0], [0.3, 1.01]])
+        setup, point = polynomial_polish._start(seen, clocks, [None, None], list(orders_now), orders_now, 0.1)
+        point = replace(
+            point,
+            attitude_bias=0.02 * rng.normal(size=(2, 3)),
+            position_bias=rng.normal(size=(2, 3)),
+            motion=[a + 3.0 * rng.normal(size=a.shape) for a in point.motion],
+        )
+        held = polynomial_polish._held(setup, point)
+        for i in range(2):
+            plain, cost = polynomial_polish.frame_sums_plain(setup, point, i, held[i].inverse)
+            found, half_square = polynomial_polish._frame_sums(setup, point, i, held[i].inverse)
+            scale = np.sqrt(np.maximum(np.diagonal(plain[0]), 1e-9))
+            np.testing.assert_allclose(found / scale / scale[:, None], plain / scale / scale[:, None], atol=1e-11)
+            assert np.isclose(half_square, cost, rtol=1e-12)

@@ -58,6 +58,7 @@ MISTAKES = [
     ({"rows": [GOOD[0], "1.0,,0,0,1,0,0,0"]}, "east_m = nan in line 3"),
     ({"rows": [GOOD[0], "1.0,0,0,0,2,0,0,0"]}, "quaternion in line 3 has length 2"),
     ({"rows": [GOOD[0], "1.0,0,0,0,0,0,0,0"]}, "quaternion in line 3 has length 0"),
+    ({"rows": [GOOD[0], "1.0,0,0,0,1e308,0,0,0"]}, "quaternion in line 3 has length inf"),
     ({"rows": [GOOD[1], GOOD[0]]}, "time_s = 0 in line 3 after 1"),
     ({"rows": [GOOD[0], GOOD[0]]}, "expected increasing time_s"),
     ({"rows": ["0,0,0,0,1,0,0"], "header": "time_s,east_m,north_m,up_m,qw,qx,qy"}, "no column qz"),
