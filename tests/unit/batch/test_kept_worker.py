@@ -27,6 +27,11 @@ for line in sys.stdin:
     if what == "die" or (what == "die-once" and not os.path.exists(out)):
         open(out, "w").close()
         os.kill(os.getpid(), signal.SIGSEGV)
+    if what == "child-eats":
+        if os.fork() == 0:
+            held = bytearray(b"x") * (300 << 20)
+            time.sleep(600)
+        time.sleep(600)
     if what == "child":
         if os.fork() == 0:
             time.sleep(600)
@@ -64,6 +69,13 @@ def test_what_takes_too_much_is_ended(worker, tmp_path):
     assert found.why == "memory"
     assert 200 << 20 < found.memory_bytes < 800 << 20
     assert session_bytes(os.getsid(0)) > 0
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="memory of others is known by /proc")
+def test_what_its_children_take_counts(worker, tmp_path):
+    found = worker.fly(Path("child-eats"), tmp_path, Limits(time_s=60.0, memory_bytes=200 << 20))
+    assert isinstance(found, Ended)
+    assert found.why == "memory"
 
 
 def test_a_process_that_dies_once_is_replaced_and_one_that_dies_always_is_told(worker, tmp_path):
