@@ -47,7 +47,10 @@ Compared = Callable[[Path], object]
 
 def prepare(folder: Path, wanted: list[str]) -> dict[str, Path]:
     """The inputs of every command: a short flight with video, board photos, and flights drawn without video."""
-    found = {"flight": shortened(example(folder), folder)} if set(wanted) - {"batch"} else {}
+    found = {}
+    if set(wanted) - {"batch"}:
+        ended(forked(lambda: bool(example(folder)) - 1))  # not here: what has used OpenCV's threads cannot be forked
+        found["flight"] = shortened(folder / "flight/flight.toml", folder)
     if "batch" in wanted:
         for number in range(2):
             write(draw(70000 + number, cameras=2, targets=1, length_s=4.0), folder / "many" / f"drawn-{number}")
@@ -94,7 +97,12 @@ def command(name: str, inputs: dict[str, Path], out: Path) -> list[str]:
 
 
 def started(words: list[str]) -> int:
-    """The process of a command that has just begun; what it says is not shown."""
+    """The process of a command that has just begun."""
+    return forked(lambda: cli(words))
+
+
+def forked(action: Callable[[], int]) -> int:
+    """A process that does something and ends with its exit code; what it says is not shown."""
     process = os.fork()
     if process == 0:
         code = 1
@@ -103,7 +111,7 @@ def started(words: list[str]) -> int:
             nowhere = os.open(os.devnull, os.O_RDWR)
             for stream in range(3):
                 os.dup2(nowhere, stream)
-            code = cli(words)
+            code = action()
         finally:
             os._exit(code)
     return process
@@ -202,7 +210,7 @@ def main() -> int:
         for number in range(given.kills):
             for each in killing:
                 each.hit()
-            if number % 10 == 9 or number + 1 == given.kills:
+            if number % 5 == 4 or number + 1 == given.kills:
                 print(*(f"{each.name} {each.row()}" for each in killing), sep="\n", flush=True)
     tell({f"{each.name}_{key}": value for each in killing for key, value in each.row().items()})
     return int(any(each.wrong for each in killing))

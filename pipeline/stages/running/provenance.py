@@ -7,6 +7,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+from calibration.foundation.files import unreadable
 from pipeline.flight import Flight
 from pipeline.solver import how_compiled
 
@@ -14,9 +15,12 @@ NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headles
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file's content."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """SHA-256 of a file's content. Raises InputFileError where it cannot be read to its end."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise unreadable(path, error, "a file that can be read to its end") from None
 
 
 def input_files(flight: Flight) -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -100,6 +101,12 @@ def test_what_it_started_ends_with_it(worker, tmp_path):
 )
 def test_sizes(text, size):
     assert memory_bytes(text) == size
+
+
+def test_a_limit_beyond_the_machine_is_no_fault():
+    code = "from pipeline.batch.worker import limit_memory; limit_memory(99999999999 << 40); print('fine')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[3])
+    assert done.stdout == "fine\n", done.stderr
 
 
 @pytest.mark.parametrize("text", ["", "G", "-1G", "0", "1e9", "2 X", "9" * 40])
