@@ -108,6 +108,7 @@ def video_area(table: Table, key: str, folder: Path) -> VideoArea | None:
 SIGMA_KEYS = (
     *(Key(f"{name}_deg", keys.degrees(None, low=0, high=180), f"{name}_rad") for name in ("attitude_bias", "attitude")),
     Key("pixel", keys.number(low=0, above=True), "pixel_px"),
+    Key("place", keys.number(low=0), "place_px"),
     *(
         Key(name, keys.number(low=0))
         for name in (

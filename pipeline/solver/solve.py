@@ -48,6 +48,8 @@ from pipeline.solver.offset_search._frame_sums import frame_sums
 from pipeline.solver.offset_search.views import View, views
 from pipeline.solver.uncertainty.covariance import Inverse
 
+RENEWING = ("algorithm-1", "algorithm-2", "map")
+"""Methods that move clocks' rates or the starts of videos, and so take poses from logs anew."""
 LI_ROUNDS = 500
 LOW_WEIGHT, FIFTH = 0.5, 0.2
 """Weight below which a sighting hardly counts, and the share of them from which on that is said."""
@@ -59,13 +61,14 @@ Finish = Callable[[], Outcome]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Asked:
-    """What a method is asked: `starts` are the offsets to begin at, best first."""
+    """What a method is asked: `starts` are the offsets to begin at, best first, `renew` what it takes anew."""
 
     problem: Problem
     settings: SolverSettings
     frames: Frames
     starts: tuple[OffsetCandidate, ...]
     progress: Progress | None
+    renew: Renew | None = None
 
 
 def solve(
@@ -168,7 +171,10 @@ def _solved(problem: Problem, settings: SolverSettings, progress: Progress | Non
         find_degeneracies(problem, settings, seen=seen)
         frames = with_rows(problem, pack(problem))
         starts = candidates(without_landmarks(problem), settings)
-    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress))
+        renew = renewing(problem) if settings.method in RENEWING else None
+    asked = Asked(
+        problem=problem, settings=settings, frames=frames, starts=starts, progress=_counted(progress), renew=renew
+    )
     compiled_descent.warm()
     with part("solver"):
         began = time.perf_counter()
@@ -279,9 +285,7 @@ def _li(asked: Asked) -> Finish:
 
 def _algorithm(asked: Asked) -> Finish:
     model, state = _paper_start(asked, asked.starts[0].offset_s, asked.starts[0].frame_rate)
-    descent = Descent(
-        max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=renewing(asked.problem)
-    )
+    descent = Descent(max_iterations=asked.settings.max_iterations, progress=asked.progress, renew=asked.renew)
     small = EARLY if model.pose.free else SMALL
     return partial(_paper_outcome, asked, levenberg_marquardt(model, intersect(model, state), descent, small=small))
 
@@ -327,7 +331,9 @@ def _triangulation(asked: Asked) -> Finish:
 
 
 def _map(asked: Asked) -> Finish:
-    found = map_estimation.adjust(asked.problem, asked.settings, asked.frames, asked.starts, asked.progress)
+    found = map_estimation.adjust(
+        asked.problem, asked.settings, asked.frames, asked.starts, asked.progress, asked.renew
+    )
     return partial(map_estimation.outcome, found)
 
 

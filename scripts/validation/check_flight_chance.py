@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline.flight import read_flight
 from pipeline.records import Problem, SolverSettings
+from pipeline.solver.adjustment.renewal import renewing
 from pipeline.solver.methods.initialisation import candidates
 from pipeline.solver.methods.map_estimation import adjust, outcome
 from pipeline.solver.methods.results import Outcome
@@ -60,7 +61,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=300)
     asked = parser.parse_args()
     problem, settings = given(asked.flight), SolverSettings()
-    found = outcome(adjust(problem, settings, pack(problem), candidates(problem, settings)))
+    found = outcome(adjust(problem, settings, pack(problem), candidates(problem, settings), None, renewing(problem)))
     assert isinstance(found.robust, Sandwich)
     model, place, rng = found.model, found.model.order.coefficient, np.random.default_rng(0)
     for n, (target, times) in enumerate(zip(model.frames.targets, looked_at(found), strict=True)):

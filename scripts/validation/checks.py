@@ -156,6 +156,13 @@ CHECKS = (
         says="1000 corruptions each of two kinds of log, beside pymavlink",
     ),
     Check(
+        name="log-readers",
+        module="check_log_readers",
+        minutes=6,
+        says="real logs beside pymavlink and pyulog: every message and value, and with broken definitions",
+        needs="a folder of logs as --real FOLDER",
+    ),
+    Check(
         name="log-fuzzing",
         module="check_log_corruption",
         arguments=("--fuzz", "10"),
@@ -218,6 +225,12 @@ CHECKS = (
         arguments=("--li", "--repeats", "9"),
         minutes=2,
         says="one solve of three sizes, beside Li's method and (where ceres_map is installed) Ceres",
+    ),
+    Check(
+        name="flight-speed",
+        module="bench_flight",
+        minutes=6,
+        says="`runningfix solve` on flight files of three sizes, poses by frame, by time and from logs, beside Ceres",
     ),
     Check(
         name="solver-hour",

@@ -84,6 +84,17 @@ def corruption(f: Figures) -> str:
     )
 
 
+def readers(f: Figures) -> str:
+    """Sums over all logs, whole and with broken definitions."""
+    total = {key: sum(v[key] for v in f.values()) for key in ("theirs", "lacking", "compared", "differ")}
+    broken = [v["broken definitions"] for v in f.values() if "broken definitions" in v]
+    return (
+        f"{len(f)} logs: {total['lacking']} of their {total['theirs']} messages lacking, {total['differ']} of "
+        f"{total['compared']} values differ; {sum(b['runs'] for b in broken)} broken definitions: fewer good "
+        f"messages in {sum(b.get('fewer', 0) for b in broken)}"
+    )
+
+
 def shutters(f: Figures) -> str:
     """Errors over those of a global shutter, and what was said."""
     return (
@@ -276,6 +287,7 @@ ROWS = (
         ),
     ),
     Row(check="log-corruption", what="damaged `.tlog` and DataFlash logs, beside pymavlink", words=corruption),
+    Row(check="log-readers", what="real logs beside pymavlink and pyulog (data not included)", words=readers),
     Row(
         check="log-fuzzing",
         what="every reader on mangled files",

@@ -21,6 +21,7 @@ from pipeline.records import Motion, Problem, Solution, SolveStatus
 from pipeline.solver import solve
 from pipeline.solver.adjustment import compiled_descent
 from pipeline.solver.adjustment.banded_system import factorise
+from pipeline.solver.adjustment.renewal import renewing
 from pipeline.solver.methods import map_estimation
 from pipeline.solver.methods.initialisation import candidates
 from pipeline.solver.methods.results import Outcome
@@ -100,15 +101,15 @@ def optimum(problem: Problem, frames: Frames, approach: Approach) -> tuple[Outco
     settings = approach.settings
     if settings.method == "li":
         return alternated(problem, settings, frames, plain=approach.plain)
-    starts = candidates(problem, settings)
+    starts, renew = candidates(problem, settings), renewing(problem)
     compiled_descent.warm()
     began = time.perf_counter()
     if settings.method == "map":
-        found = map_estimation.adjust(problem, settings, frames, starts)
+        found = map_estimation.adjust(problem, settings, frames, starts, renew=renew)
         seconds = time.perf_counter() - began
         factor = factorise(found.fit.linear.system)
         return _without_robust(found, None if factor is None else Inverse(factor=factor)), seconds
-    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=None)
+    asked = Asked(problem=problem, settings=settings, frames=frames, starts=starts, progress=None, renew=renew)
     finish = METHODS[settings.method](asked)
     seconds = time.perf_counter() - began
     return finish(), seconds

@@ -43,7 +43,7 @@ def fixed(value: float, decimals: int) -> str:
 
 def table(header: Sequence[str], columns: Sequence[Iterable[Cell]]) -> str:
     """Comma-separated text of equally long columns (RFC 4180, but lines end in a bare line feed)."""
-    texts = [map(_cell_text, column) for column in columns]
+    texts = [_texts(list(column)) for column in columns]
     lines = [",".join(header), *(",".join(row) for row in zip(*texts, strict=True))]
     return "\n".join(lines) + "\n"
 
@@ -55,6 +55,17 @@ def utc_texts(utc_at_zero_s: float, time_s: Floats) -> list[str]:
     """
     micros = round(utc_at_zero_s * 1e6) + np.rint(np.asarray(time_s, float) * 1e6).astype(np.int64)
     return [f"{text}Z" for text in np.datetime_as_string(micros.astype("datetime64[us]"), unit="us").tolist()]
+
+
+def _texts(cells: list[Cell]) -> Iterable[str]:
+    """The cells as text; of names, which come again and again, each is looked at once."""
+    kinds = set(map(type, cells))
+    if str not in kinds:
+        return map(repr, cells)
+    if kinds == {str}:
+        known = {cell: _cell_text(cell) for cell in set(cells)}
+        return map(known.__getitem__, cells)
+    return map(_cell_text, cells)
 
 
 def _cell_text(cell: Cell) -> str:

@@ -44,8 +44,10 @@ def _option(x: float, y: float, dx: float, dy: float, words: str, size: float) -
 
 def _cost(box: Box, boxes: Sequence[Box], width: float, height: float) -> float:
     outside = max(0, -box[0]) + max(0, box[2] - width) + max(0, -box[1]) + max(0, box[3] - height)
-    return 50 * outside + sum(_overlap(box, other) for other in boxes)
-
-
-def _overlap(a: Box, b: Box) -> float:
-    return max(0.0, min(a[2], b[2]) - max(a[0], b[0])) * max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
+    left, top, right, bottom = box
+    covered = 0.0
+    for other_left, other_top, other_right, other_bottom in boxes:
+        if other_left < right and left < other_right and other_top < bottom and top < other_bottom:
+            wide = min(right, other_right) - max(left, other_left)
+            covered += wide * (min(bottom, other_bottom) - max(top, other_top))
+    return 50 * outside + covered

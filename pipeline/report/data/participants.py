@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -145,11 +146,20 @@ def known_part(results: Results, trajectory: Trajectory) -> Trajectory:
 def rows_of(sightings: Sightings, camera: str | None = None, target: str | None = None) -> Ints:
     """Indices of the sightings of one camera, one target, or both."""
     keep = np.ones(len(sightings.frame), bool)
-    if camera is not None:
-        keep &= np.array([c == camera for c in sightings.camera], bool)
-    if target is not None:
-        keep &= np.array([t == target for t in sightings.target], bool)
+    for name, (names, place) in zip((camera, target), _places(sightings), strict=True):
+        if name is not None:
+            keep &= place == names.get(name, -1)
     return np.flatnonzero(keep)
+
+
+@lru_cache(maxsize=1)
+def _places(sightings: Sightings) -> tuple[tuple[dict[str, int], Ints], tuple[dict[str, int], Ints]]:
+    """Of cameras and of targets: every name's number, and the number (m,) of each sighting's."""
+    found = []
+    for column in (sightings.camera, sightings.target):
+        names = {name: k for k, name in enumerate(dict.fromkeys(column))}
+        found.append((names, np.array([names[name] for name in column], dtype=np.int64)))
+    return found[0], found[1]
 
 
 def true_trajectory(results: Results, target: str) -> Trajectory | None:

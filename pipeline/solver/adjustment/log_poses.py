@@ -49,10 +49,16 @@ def movable(problem: Problem, model: Model) -> tuple[int, ...]:
 
 
 def renewing_poses(problem: Problem) -> Renew | None:
-    """A function (model, state) -> the model with its poses at the state's log times; None: no poses come from logs."""
+    """A function (model, state) -> the model with its poses at the state's log times; None: no poses come from logs.
+
+    What the logs say at the given times is read here, of the cameras whose clocks are as a rule refined.
+    """
     if all(camera.poses_at is None for camera in problem.cameras):
         return None
     readings = _Readings(problem)
+    for c, camera in enumerate(problem.cameras):
+        if camera.poses_at is not None and (camera.camera != problem.reference_camera or camera.sigma.start_s > 0):
+            readings.at(c, 0)
 
     def renew(model: Model, state: State) -> Model:
         cameras = movable(problem, model)
@@ -89,7 +95,7 @@ class _Readings:
 
     def _read(self, c: int, k: int) -> Reading | None:
         if (c, k) not in self._known:
-            self._known[c, k] = _at(self._problem, c, k * READ_S)
+            self._known[c, k] = _at(self._problem, c, k * READ_S, self._problem.cameras[c].poses if k == 0 else None)
         return self._known[c, k]
 
 
@@ -151,13 +157,14 @@ def carry(rate: Floats, seconds: Floats, turn: Floats, position: Floats) -> None
         carry_plain(rate, seconds, turn, position)
 
 
-def _at(problem: Problem, c: int, shift_s: float) -> Reading | None:
-    """Poses and rates of a camera's frames at log times moved by `shift_s`; None beyond the log's ends."""
+def _at(problem: Problem, c: int, shift_s: float, here: PoseTrack | None) -> Reading | None:
+    """Poses and rates of a camera's frames at log times moved by `shift_s`, `here` where they are known already; None
+    beyond the log's ends."""
     poses_at = problem.cameras[c].poses_at
     assert poses_at is not None
     shift = np.full(len(problem.cameras[c].poses.frame), shift_s)
     try:
-        here = poses_at(shift)
+        here = here or poses_at(shift)
     except RunningFixError:
         return None
     rate = np.zeros((len(shift), 6))

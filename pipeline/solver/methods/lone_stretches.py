@@ -74,6 +74,11 @@ def lone(frames: Frames, time_s: Floats, held: Collection[int] = ()) -> Lone:
     return Lone(frames=frames, sighting=out)
 
 
+def none_alone(frames: Frames) -> Lone:
+    """Nothing is left out, which is so where every motion is a polynomial of a given order."""
+    return Lone(frames=frames, sighting=np.zeros(frames.seen.shape, dtype=bool))
+
+
 def confined(model: Model, state: State, choice: MotionChoice) -> tuple[Model, State, Lone]:
     """The same without lone sightings of splines, each over the time that is left to it."""
     time = common_time_s(model.frames, model.drift, state.camera, state.deviation)

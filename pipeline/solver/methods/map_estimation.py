@@ -17,8 +17,8 @@ import numpy as np
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
+from pipeline.solver.adjustment.log_poses import Renew
 from pipeline.solver.adjustment.model import Model, State
-from pipeline.solver.adjustment.renewal import renewing
 from pipeline.solver.methods.clock_drift import drifting, with_drift
 from pipeline.solver.methods.initialisation import (
     TRIED,
@@ -30,7 +30,7 @@ from pipeline.solver.methods.initialisation import (
     statistical_start,
 )
 from pipeline.solver.methods.known_motions import ground_gaps, renewed_known
-from pipeline.solver.methods.lone_stretches import Lone, confined, told
+from pipeline.solver.methods.lone_stretches import Lone, confined, none_alone, told
 from pipeline.solver.methods.model_selection import choose_motions
 from pipeline.solver.methods.parameters import BEND, MotionChoice, first_choice
 from pipeline.solver.methods.restarts import Beginning, Settled, best_of, parabolas
@@ -65,10 +65,10 @@ class Adjusted:
 
 def adjust(
     problem: Problem, settings: SolverSettings, frames: Frames, found: tuple[OffsetCandidate, ...],
-    progress: Progress | None = None,
+    progress: Progress | None = None, renew: Renew | None = None,
 ) -> Adjusted:  # fmt: skip
-    """The whole of `map` up to the optimum, from the offsets `found`."""
-    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renewing(problem))
+    """The whole of `map` up to the optimum, from the offsets `found`; `renew` is `renewing(problem)`."""
+    descent = Descent(max_iterations=settings.max_iterations, progress=progress, renew=renew)
     choice = first_choice(problem, settings.method)
     small = ROUGHLY if "spline" in choice.kinds else SMALL
 
@@ -89,7 +89,9 @@ def adjust(
             fit = continued(fit, descent)
         fit = along_the_ground(problem, fit, warm)
         fit, outliers = with_bounded_loss(fit, settings, descent)
-        fit, alone = without_lone_stretches(fit, choice, warm)
+        alone = none_alone(fit.model.frames)
+        if asked or "spline" in choice.kinds:
+            fit, alone = without_lone_stretches(fit, choice, warm)
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)

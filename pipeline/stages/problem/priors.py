@@ -42,8 +42,11 @@ def place_sigma_px(flight: Flight, camera: CameraSettings) -> tuple[float, float
     """How far a tracker's point may sit from where the other cameras' tracks have it: constant, drifting.
 
     A box is drawn around a target as this camera sees it, and its look changes with the direction. Detections made
-    elsewhere are taken as the same physical point.
+    elsewhere are taken as the same physical point. `sigma.place` says it otherwise.
     """
+    given = camera.sigma.get("place_px")
+    if given is not None:
+        return given, given
     boxes = list(flight.boxes(camera.name).values())
     if camera.tracks is not None or not boxes:
         return 0.0, 0.0

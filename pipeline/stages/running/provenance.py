@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Iterable
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 from calibration.foundation.files import unreadable
 from pipeline.flight import Flight
+from pipeline.records import ImageTrack
 from pipeline.solver import how_compiled
 
 NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headless", "pymavlink", "pandas")
@@ -21,6 +26,16 @@ def file_hash(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise unreadable(path, error, "a file that can be read to its end") from None
+
+
+def tracks_hash(tracks: Iterable[ImageTrack]) -> str:
+    """SHA-256 of tracks, exactly."""
+    digest = hashlib.sha256()
+    for track in tracks:
+        digest.update(json.dumps([track.camera, track.target, len(track.frame)]).encode())
+        for column in (track.frame, track.time_s, track.xy_px, track.sigma_px, track.state, track.by_box):
+            digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
 
 
 def input_files(flight: Flight) -> dict[str, Path]:

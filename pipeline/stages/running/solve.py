@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from calibration.foundation.progress import Progress, silent
-from pipeline.export import export_all, poses_csv, tracks_csv
+from pipeline.export import export_all, poses_csv
 from pipeline.flight import Flight
 from pipeline.records import Results, Solution, SolverSettings
 from pipeline.report import render_report
@@ -20,7 +20,7 @@ from pipeline.stages.running.check import doubts_of
 from pipeline.stages.running.inputs import check_inputs
 from pipeline.stages.running.ledger import Ledger, key_of, writing
 from pipeline.stages.running.poses import Measure, measuring
-from pipeline.stages.running.provenance import decisive, input_hashes
+from pipeline.stages.running.provenance import decisive, input_hashes, tracks_hash
 from pipeline.stages.running.results import all_refined, gather_results
 from pipeline.stages.running.summary import RunSummary, StageSeconds
 from pipeline.stages.running.track import tracking_notes
@@ -71,7 +71,7 @@ def solve_into(
         tracks = wanted(flight, read_tracks(flight, out))
         hashes = input_hashes(flight)
         key = key_of({
-            "stage": "solve", "inputs": hashes, "tracks": tracks_csv(tracks), "settings": asdict(chosen),
+            "stage": "solve", "inputs": hashes, "tracks": tracks_hash(tracks), "settings": asdict(chosen),
             "flight": asdict(flight.solve), "made with": decisive(),
         })  # fmt: skip
     if resume and ledger.finished("solve", key):

@@ -13,6 +13,8 @@ from pipeline.telemetry.log.flight_log import ClockModel
 
 REBOOT_S = 10.0
 """A boot clock that falls back by more than this was started anew; less is a packet that came late."""
+IN_ORDER_S = 1.0
+"""The same of rows that a file holds in their order."""
 UNKNOWN_BREAK_S = 3600.0
 """Log time between two boots of a vehicle where no other clock tells how long it was off."""
 MOST_READINGS = 1 << 18
@@ -81,18 +83,44 @@ def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
     )
 
 
-def restarts_of(boot_s: Floats) -> Ints:
-    """Indices at which the clock started anew: it falls back, and what follows stays back."""
+def restarts_of(boot_s: Floats, least_s: float = REBOOT_S) -> Ints:
+    """Indices at which the clock started anew: it falls back by more than `least_s`, and what follows stays back."""
     found = []
     top, i = -np.inf, 0
-    falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -REBOOT_S) if len(boot_s) else np.empty(0, int)
+    falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -least_s) if len(boot_s) else np.empty(0, int)
     for fall in falls.tolist():
         top = max(top, float(boot_s[i:fall].max())) if fall > i else top
         ahead = boot_s[fall : fall + 5]
-        if np.median(ahead) < top - REBOOT_S:
+        if np.median(ahead) < top - least_s:
             found.append(fall)
             top, i = -np.inf, fall
     return np.array(found, dtype=np.int64)
+
+
+def continued(time_s: Floats, other_s: Floats | None = None) -> tuple[Floats, list[tuple[int, float]]]:
+    """Times (n,) of several recordings in one file that go on behind each other, and where each began, with its offset.
+
+    By another clock (n,) where both recordings have it and it goes on; else an hour later.
+    """
+    known = np.flatnonzero(np.isfinite(time_s))
+    restart = known[restarts_of(time_s[known], IN_ORDER_S)].tolist() if len(known) else []
+    found, told = time_s.copy(), []
+    late = np.full(len(time_s), np.nan) if other_s is None else other_s - time_s
+    for first, before, stop in zip(restart, [0, *restart], [*restart[1:], len(time_s)], strict=False):
+        end, begin = float(np.nanmax(found[:first])), float(np.nanmin(time_s[first:stop]))
+        offset = end + UNKNOWN_BREAK_S - begin
+        clocks = [part[np.isfinite(part)] for part in (late[before:first], late[first:stop])]
+        if all(map(len, clocks)):
+            by_other = float(np.median(clocks[1]) - np.median(clocks[0])) + float(found[before] - time_s[before])
+            offset = by_other if np.isfinite(by_other) and begin + by_other > end else offset
+        found[first:stop] = time_s[first:stop] + offset
+        told.append((first, offset))
+    return found, told
+
+
+def another_recording(offset_s: float) -> str:
+    """What is said of each but the first."""
+    return f"another recording begins in the file: its log time is its own + {offset_s:.1f} s"
 
 
 def _offset_after(log_before: Floats, record_before: Floats, boot_after: Floats, record_after: Floats) -> float:

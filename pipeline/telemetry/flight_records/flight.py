@@ -19,8 +19,9 @@ from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
+from pipeline.telemetry.clocks.boot_clock import another_recording, continued
 from pipeline.telemetry.clocks.clock_model import fit_clock
-from pipeline.telemetry.flight_records.header import Header, check_units, read_header
+from pipeline.telemetry.flight_records.header import Header, check_units, header_of
 from pipeline.telemetry.heights.dji import RECEIVER_SIGMA_M, dji_heights
 from pipeline.telemetry.log.flight_log import (
     EARTH,
@@ -39,9 +40,11 @@ DAY_S = 86_400.0
 RECORDING_LAG_S = 0.3
 """The app learns that the camera records up to half a second late."""
 UTC_FLOOR_S = 0.05
-CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)\s*([AaPp][Mm])?\s*$")
+CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)\s*([AaPp][Mm])?\s*(?:Z|[+-]00:?00)?$")
 DATE = re.compile(r"(\d{4})[-/](\d{1,2})[-/](\d{1,2})|(\d{1,2})/(\d{1,2})/(\d{4})")
 NO = frozenset(("", "0", "false", "no", "null"))
+DENIED = NO - {""}
+"""What a flag says that denies; one that says nothing does not."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +65,9 @@ class Rows:
         """A column (n,) in SI or degrees; NaN where it says nothing."""
         column = self.header.columns.get(what)
         scale = 1.0 if column is None else column.scale
-        return np.array([_number(cell) for cell in self.text(what)], float) * scale
+        comma = self.header.delimiter != ","  # then it may part decimals
+        cells = (cell.replace(",", ".") if comma else cell for cell in self.text(what))
+        return np.array([_number(cell) for cell in cells], float) * scale
 
 
 def is_flight_record(path: Path) -> bool:
@@ -85,7 +90,9 @@ def read_flight_record(path: Path, *, progress: Progress = None) -> FlightLog:
         )
     header, lines = found
     check_units(header, path)
-    rows = Rows(header=header, cells=tuple(tuple(row) for row in csv.reader(lines) if any(row)))
+    rows = Rows(
+        header=header, cells=tuple(tuple(row) for row in csv.reader(lines, delimiter=header.delimiter) if any(row))
+    )
     time, utc, time_notes = _times(rows)
     if not np.isfinite(time).any():
         raise InputFileError(
@@ -127,7 +134,7 @@ def _header(text: str) -> tuple[Header, io.StringIO] | None:
     lines = io.StringIO(text, newline="")
     for _ in range(2):
         first = lines.readline()
-        header = read_header(next(csv.reader([first.strip()]), []))
+        header = header_of(first)
         if header is not None:
             return header, lines
         if not first.lower().startswith("sep="):
@@ -144,16 +151,21 @@ def _number(cell: str) -> float:
 
 def _times(rows: Rows) -> tuple[Floats, ClockModel | None, tuple[str, ...]]:
     """Log time (n,), UTC and notes."""
-    stamps = np.array([_stamp(date, clock) for date, clock in zip(rows.text("date"), rows.text("clock"), strict=True)])
-    if rows.header.dialect == "airdata":
-        time = rows.numbers("time")
-        return time - np.nanmin(time, initial=np.inf), _ticking(time - np.nanmin(time, initial=np.inf), stamps), ()
-    time = _past_midnight(stamps) if np.isfinite(stamps).sum() >= 2 else rows.numbers("time")
-    time = time - np.nanmin(time, initial=np.inf)
     zone = rows.header.columns["clock"].unit if "clock" in rows.header.columns else ""
-    if zone == "utc" and np.nanmedian(stamps) > DAY_S:
-        return time, fit_clock("CUSTOM.updateTime", time, stamps, floor_s=UTC_FLOOR_S), ()
-    return time, None, ("dates in the record are local, of an unknown time zone: it does not know UTC",)
+    stamps = np.array([_stamp(date, clock) for date, clock in zip(rows.text("date"), rows.text("clock"), strict=True)])
+    if zone == "epoch":  # milliseconds since 1970
+        stamps = np.array([_number(cell) for cell in rows.text("clock")]) / 1000
+    airdata = rows.header.dialect == "airdata"
+    own = airdata or np.isfinite(stamps).sum() < 2
+    time, parts = continued(rows.numbers("time") if own else _past_midnight(stamps), stamps)
+    time = time - np.nanmin(time, initial=np.inf)
+    notes = tuple(another_recording(offset) for _, offset in parts)
+    if airdata:
+        return time, _ticking(time, stamps), notes
+    if zone in ("utc", "epoch") and np.nanmedian(stamps) > DAY_S:
+        return time, fit_clock("CUSTOM.updateTime", time, stamps, floor_s=UTC_FLOOR_S), notes
+    said = "dates in the record are local, of an unknown time zone: it does not know UTC"
+    return time, None, (*notes, said)
 
 
 def _stamp(date: str, clock: str) -> float:
@@ -201,7 +213,7 @@ def _ticking(time_s: Floats, stamp_s: Floats) -> ClockModel | None:
 
 def _position(rows: Rows, time_s: Floats) -> tuple[PositionSeries | None, Accuracy, tuple[str, ...]]:
     lat, lon = rows.numbers("lat"), rows.numbers("lon")
-    nowhere = (lat == 0) & (lon == 0)
+    nowhere = ((lat == 0) & (lon == 0)) | np.array([cell.lower() in DENIED for cell in rows.text("fixed")])
     lat, lon = (np.where(nowhere, np.nan, angle) for angle in (lat, lon))
     if not np.isfinite(lat + lon).any():
         return None, Accuracy(), ()

@@ -6,18 +6,22 @@ DJI       CUSTOM.updateTime [local], OSD.flyTime [s], OSD.latitude, OSD.height [
 
 from __future__ import annotations
 
+import csv
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from calibration.foundation.errors import InputFileError
 
 Dialect = Literal["airdata", "dji"]
+DELIMITERS = (",", ";", "\t")
 CELL = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*)[\])])?\s*$")
 UNITS: Mapping[str, float] = {"": 1.0, "m": 1.0, "meters": 1.0, "ft": 0.3048, "feet": 0.3048, "degrees": 1.0, "s": 1.0,
-                              "millisecond": 1e-3}  # fmt: skip
+                              "millisecond": 1e-3, "ms": 1e-3, "deg": 1.0, "\N{DEGREE SIGN}": 1.0,
+                              "rad": 180 / math.pi}  # fmt: skip
 NAMES: Mapping[Dialect, Mapping[str, tuple[str, ...]]] = {
     "airdata": {
         "time": ("time",), "clock": ("datetime",), "lat": ("latitude",), "lon": ("longitude",),
@@ -27,7 +31,8 @@ NAMES: Mapping[Dialect, Mapping[str, tuple[str, ...]]] = {
         "video": ("isvideo",),
     },
     "dji": {
-        "time": ("osd.flytime",), "date": ("custom.date",), "clock": ("custom.updatetime",), "lat": ("osd.latitude",),
+        "time": ("osd.flytime",), "date": ("custom.date",), "clock": ("custom.datetime", "custom.updatetime"),
+        "lat": ("osd.latitude", "osd.lalitude"), "fixed": ("osd.isgpsused",),
         "lon": ("osd.longitude",), "above_home": ("osd.height",), "above_sea": ("osd.altitude",),
         "yaw": ("osd.yaw",), "pitch": ("osd.pitch",), "roll": ("osd.roll",),
         "gimbal_yaw": ("gimbal.yaw",), "gimbal_pitch": ("gimbal.pitch",), "gimbal_roll": ("gimbal.roll",),
@@ -37,6 +42,10 @@ NAMES: Mapping[Dialect, Mapping[str, tuple[str, ...]]] = {
 """What we ask for -> how its columns begin, in small letters."""
 LENGTHS = ("above_home", "above_sea")
 """Columns that have to say their unit."""
+TEXTS = ("date", "clock", "video", "fixed")
+"""Columns that are no numbers."""
+METRIC = "custom.datetime"
+"""A column by which a decoder is known that writes metres, and UTC, and says neither."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +63,16 @@ class Header:
 
     dialect: Dialect
     columns: Mapping[str, Column]
+    delimiter: str = ","
+
+
+def header_of(line: str) -> Header | None:
+    """The header of a flight record in a line, whatever parts its cells; None where it is none."""
+    for delimiter in DELIMITERS:
+        found = read_header(next(csv.reader([line.strip()], delimiter=delimiter), []))
+        if found is not None:
+            return replace(found, delimiter=delimiter)
+    return None
 
 
 def read_header(cells: Sequence[str]) -> Header | None:
@@ -62,24 +81,36 @@ def read_header(cells: Sequence[str]) -> Header | None:
     for cell in cells:
         found = CELL.match(cell)
         named.append((found["name"].lower(), (found["unit"] or "").strip().lower()) if found else ("", ""))
+    if any(name == METRIC for name, _ in named):
+        silent = {METRIC: "utc"} | {name: "m" for what in LENGTHS for name in NAMES["dji"][what]}
+        named = [(name, unit or silent.get(name, "")) for name, unit in named]
     there = set(named)
     if ("time", "millisecond") in there and {("latitude", ""), ("longitude", "")} <= there:
         return Header(dialect="airdata", columns=_columns("airdata", named))
-    if {"osd.latitude", "osd.longitude"} <= {name for name, _ in there}:
+    names = {name for name, _ in there}
+    if "osd.longitude" in names and not names.isdisjoint(NAMES["dji"]["lat"]):
         return Header(dialect="dji", columns=_columns("dji", named))
     return None
 
 
 def check_units(header: Header, path: Path) -> None:
-    """Raises InputFileError where a height's unit is not said, or unknown."""
+    """Raises InputFileError where a height's unit is not said, or any number's is unknown."""
     for what in LENGTHS:
-        column = header.columns.get(what)
-        if column is not None and column.unit not in ("m", "meters", "ft", "feet"):
+        length = header.columns.get(what)
+        if length is not None and length.unit not in ("m", "meters", "ft", "feet"):
             raise InputFileError(
                 where=f"{path}, line 1",
-                seen=f"heights in {column.unit!r}" if column.unit else "heights without a unit",
+                seen=f"heights in {length.unit!r}" if length.unit else "heights without a unit",
                 expected="metres or feet, in the column's header",
                 advice="export the record again, or write [m] or [ft] behind the column's name",
+            )
+    for what, column in header.columns.items():
+        if what not in TEXTS and column.unit not in UNITS:
+            raise InputFileError(
+                where=f"{path}, line 1",
+                seen=f"{what.replace('_', ' ')} in {column.unit!r}",
+                expected=f"one of {', '.join(unit for unit in UNITS if unit)}, in the column's header",
+                advice="export the record again, in metres, degrees and seconds",
             )
 
 

@@ -41,6 +41,9 @@ OWN_NORTH_RAD = np.radians(1.0)
 """A gimbal's north closer than this to the vehicle's is the vehicle's."""
 RELAYED_RAD = np.radians(3.0)
 """Two senders whose gimbals look this nearly the same way tell of one gimbal."""
+RUNS, RUN_ROWS = 32, 256
+"""Of a longer series so many runs of so many samples, evenly over it, tell what its angles count from: no more is
+learnt from all of them."""
 FRAME_NAMES = {
     EARTH: "north and the horizon",
     HEADING: "the vehicle's heading and the horizon",
@@ -208,7 +211,8 @@ def same_gimbal(first: GimbalSeries, second: GimbalSeries, body: AttitudeSeries 
 
 def attitude_at(body: AttitudeSeries, time_s: Floats) -> tuple[Floats, Bools]:
     """ned_from_body (n, 4) at times (n,), and which of them lie inside the attitudes."""
-    stamp, q = body.time_s[body.valid], body.ned_from_body[body.valid]
+    keep = body.valid
+    stamp, q = body.time_s[keep], body.ned_from_body[keep]
     if len(stamp) < 2:
         return np.full((len(time_s), 4), np.nan), np.zeros(len(time_s), bool)
     inside = np.asarray((time_s >= stamp[0]) & (time_s <= stamp[-1]))
@@ -220,10 +224,20 @@ def attitude_at(body: AttitudeSeries, time_s: Floats) -> tuple[Floats, Bools]:
 
 def _beside_body(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Floats, Floats] | None:
     """Mount attitudes and the body's beside them (k, 4); None where there are too few."""
-    if body is None or body.valid.sum() < 2 or gimbal.valid.sum() < 10:
+    told = np.flatnonzero(gimbal.valid)
+    if body is None or len(told) < 10:
         return None
-    turned, inside = attitude_at(body, gimbal.time_s[gimbal.valid])
-    return gimbal.attitude[gimbal.valid][inside], turned[inside]
+    rows = _in_runs(told)
+    turned, inside = attitude_at(body, gimbal.time_s[rows])
+    return gimbal.attitude[rows][inside], turned[inside]
+
+
+def _in_runs(rows: Ints) -> Ints:
+    """All of few rows (n,), of more RUNS evenly spread runs of RUN_ROWS neighbours."""
+    if len(rows) <= RUNS * RUN_ROWS:
+        return rows
+    begin = np.linspace(0, len(rows) - RUN_ROWS, RUNS).astype(np.int64)
+    return np.asarray(rows[(begin[:, None] + np.arange(RUN_ROWS)).ravel()])
 
 
 def _doubt(gimbal: GimbalSeries, body: AttitudeSeries | None, *, commanded: bool = False) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import InputFileError
 from pipeline.geometry import rotation
+from pipeline.telemetry.clocks.boot_clock import another_recording, continued
 from pipeline.telemetry.clocks.clock_model import fit_clock
 from pipeline.telemetry.clocks.utc import believed_utc
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
@@ -152,7 +153,8 @@ def _times(data: Metadata) -> Times:
     stamp, video = data.column(items.TIME), data.video_s
     stamp, thrown = believed_utc("precision time stamps", video, stamp)
     bare = (f"{data.unchecked} metadata sets carry no checksum: they are believed",) if data.unchecked else ()
-    notes = (*thrown, *bare)
+    video, parts = continued(video, stamp)
+    notes = (*thrown, *bare, *(another_recording(offset) for _, offset in parts))
     if not np.isfinite(stamp).any():
         said = "no set has a precision time stamp: log time is the video's own"
         return Times(log_s=video, start_s=0.0, start_sigma_s=data.video_sigma_s, utc=None, notes=(*notes, said))

@@ -23,7 +23,7 @@ from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
-from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
+from pipeline.telemetry.clocks.boot_clock import another_recording, continued
 from pipeline.telemetry.heights.dji import RECEIVER_SIGMA_M, dji_heights
 from pipeline.telemetry.log.flight_log import (
     EARTH,
@@ -67,7 +67,7 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
     else:
         text = read_bytes(path, expected="DJI subtitles (.SRT)").decode("utf-8", "replace").replace("\r", "")
     blocks = [part for block in re.split(r"\n\s*\n", text) for part in _cues(block) if part.strip()]
-    time, joined = _continued(_times(blocks))
+    time, parts = continued(_times(blocks))
     timed = np.isfinite(time)
     if not timed.any():
         raise InputFileError(
@@ -93,7 +93,7 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
         video_start_sigma_s=IN_VIDEO_SIGMA_S if inside else NOTHING,
         notes=(
             "log time is the video's own; dates in the subtitles are of an unknown time zone",
-            *joined,
+            *(another_recording(offset) for _, offset in parts),
             *height_notes,
         ),
     )
@@ -103,18 +103,6 @@ def _cues(block: str) -> list[str]:
     """The subtitles in a block: one, unless blank lines between them are missing."""
     begins = [found.start() for found in CUE.finditer(block)]
     return [block[a:b] for a, b in pairwise([0, *begins[1:], len(block)])] if len(begins) > 1 else [block]
-
-
-def _continued(time_s: Floats) -> tuple[Floats, list[str]]:
-    """Times (n,) that go on where another recording's subtitles follow in the same file, and a note for each."""
-    known = np.flatnonzero(np.isfinite(time_s))
-    restart = known[restarts_of(time_s[known])] if len(known) else known
-    found, notes = time_s.copy(), []
-    for first in restart.tolist():
-        offset = float(np.nanmax(found[:first])) + UNKNOWN_BREAK_S - float(time_s[first])
-        found[first:] = time_s[first:] + offset
-        notes.append(f"another recording begins in the file: its log time is that of its subtitles + {offset:.1f} s")
-    return found, notes
 
 
 def _times(blocks: list[str]) -> Floats:

@@ -22,7 +22,7 @@ from tests.scenes.logs import PLACE
 
 HERE = Path(__file__).parent
 LAT, LON = np.degrees(PLACE.lat_rad), np.degrees(PLACE.lon_rad)
-KINDS = ("ids", "validity", "frames", "heights", "sigmas", "clocks", "definitions")
+KINDS = ("ids", "validity", "frames", "heights", "sigmas", "clocks", "boots", "definitions")
 FORMATS = ("tlog", "DataFlash old", "DataFlash new", "ULog", "SRT", "KLV", "CSV")
 MORE, LOGS, KLV, CSV = (
     "test_kinds_by_format.py",
@@ -67,7 +67,10 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ("validity", "ULog"): (f"{MORE}::test_px4_flags", f"{IDS}::test_dead_reckoning_is_said"),
     ("validity", "SRT"): (f"{OWN}::test_subtitles_at_0_0",),
     ("validity", "KLV"): (f"{KLV}::test_error_values", f"{KLV}::test_an_error_value_is_none"),
-    ("validity", "CSV"): (f"{CSV}::test_0_0_is_no_place",),
+    ("validity", "CSV"): (
+        f"{CSV}::test_0_0_is_no_place",
+        f"{CSV}::test_a_decoder_that_writes_metres_and_utc_and_says_neither",
+    ),
     ("frames", "tlog"): (
         f"{MORE}::test_a_servo_gimbal_that_flags_a_lock",
         f"{MORE}::test_yaw_is_held_against_the_heading",
@@ -105,8 +108,8 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ("sigmas", "DataFlash new"): (f"{WORTH}::test_a_fix_that_is_lost_on_the_way",),
     ("sigmas", "ULog"): (f"{WORTH}::test_a_fix_that_is_lost_on_the_way",),
     ("sigmas", "SRT"): (f"{MORE}::test_digits_are_part_of_the_sigma", f"{MORE}::test_a_staircase_is_a_sample_a_step"),
-    ("sigmas", "KLV"): (f"{OWN}::test_klv_states_no_accuracy",),
-    ("sigmas", "CSV"): (f"{CSV}::test_airdata",),
+    ("sigmas", "KLV"): (f"{OWN}::test_klv_states_no_accuracy", f"{KLV}::test_places_renewed_five_times_a_second"),
+    ("sigmas", "CSV"): (f"{CSV}::test_airdata", f"{CSV}::test_places_renewed_twice_a_second_are_a_sample_a_step"),
     ("clocks", "tlog"): (
         f"{MORE}::test_utc_that_was_set_on_the_way",
         f"{MORE}::test_leap_seconds_that_a_receiver_learns_late",
@@ -128,12 +131,25 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ),
     ("clocks", "SRT"): (f"{MORE}::test_subtitles",),
     ("clocks", "KLV"): (f"{KLV}::test_a_clock_that_was_set_on_the_way", f"{KLV}::test_leap_seconds"),
-    ("clocks", "CSV"): (f"{CSV}::test_utc_of_whole_seconds_is_told_where_they_tick", f"{CSV}::test_past_midnight"),
+    ("clocks", "CSV"): (
+        f"{CSV}::test_utc_of_whole_seconds_is_told_where_they_tick",
+        f"{CSV}::test_past_midnight",
+        f"{CSV}::test_a_clock_of_seconds_or_milliseconds",
+    ),
+    ("boots", "tlog"): (f"{LOGS}::test_after_a_reboot_log_time_goes_on_by_the_recorders_clock",),
+    ("boots", "DataFlash old"): (f"{OWN}::test_old_firmware_that_starts_anew",),
+    ("boots", "DataFlash new"): (f"{MORE}::test_dataflash",),
+    ("boots", "ULog"): (f"{MORE}::test_px4",),
+    ("boots", "SRT"): (f"{MORE}::test_subtitles",),
+    ("boots", "KLV"): (f"{KLV}::test_two_recordings_in_one_file",),
+    ("boots", "CSV"): (f"{CSV}::test_two_recordings_are_two_flights",),
     ("definitions", "tlog"): (f"{LOGS}::test_a_file_of_definitions_adds_the_users_messages",),
     ("definitions", "DataFlash old"): (f"{OWN}::test_old_clocks", f"{OWN}::test_old_heights"),
     ("definitions", "DataFlash new"): (
         f"{MORE}::test_a_declared_length_is_stepped_over",
         f"{MORE}::test_a_later_definition_holds_for_later_messages",
+        f"{MORE}::test_a_flipped_bit_in_a_field_s_name_or_behind_it_costs_nothing_else",
+        f"{MORE}::test_a_definition_that_is_lost_costs_no_other_messages",
     ),
     ("definitions", "ULog"): (f"{OWN}::test_px4_fields_of_old_and_new_firmware",),
     ("definitions", "SRT"): (f"{MORE}::test_dialects_of_subtitles",),
@@ -142,7 +158,11 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
         f"{KLV}::test_any_other_byte_breaks_it",
         f"{OWN}::test_klv_of_unknown_items",
     ),
-    ("definitions", "CSV"): (f"{CSV}::test_metres_rather_than_feet_and_the_finer_clock",),
+    ("definitions", "CSV"): (
+        f"{CSV}::test_metres_rather_than_feet_and_the_finer_clock",
+        f"{CSV}::test_cells_parted_by_something_else",
+        f"{CSV}::test_an_unknown_unit_of_time_is_refused",
+    ),
 }
 
 
@@ -192,7 +212,7 @@ def old_record(name: str, *values: float | bytes) -> bytes:
     return b"\xa3\x95" + struct.pack("<B" + "".join(PACK[letter] for letter in letters), kind, *values)
 
 
-def old_log(path, *, status=3, second=None, mount=False, lean=lambda t: 0.0):
+def old_log(path, *, status=3, second=None, mount=False, lean=lambda t: 0.0, boot_ms=100_000, week_ms=107_000):
     """Ten seconds at 10 Hz: east of PLACE, boot at 100 s, week 1800, the receiver's own time 7 s into it at boot."""
     records = []
     for kind, letters, columns in OLD.values():
@@ -200,14 +220,14 @@ def old_log(path, *, status=3, second=None, mount=False, lean=lambda t: 0.0):
         name = next(n for n, (k, _, _) in OLD.items() if k == kind)
         records.append(old_record("FMT", kind, length, name.encode(), letters.encode(), columns.encode()))
     for i in range(100):
-        ms, t = 100_000 + 100 * i, i / 10
+        ms, t = boot_ms + 100 * i, i / 10
         lat, lon = round(LAT * 1e7) + 37, round(LON * 1e7) + 101 * i
         fix = status(i) if callable(status) else status
         records.append(
-            old_record("GPS", fix, 107_000 + 100 * i, 1800, 12, 80, lat, lon, 2000, 12000, 1000, 9000, 0.0, ms)
+            old_record("GPS", fix, week_ms + 100 * i, 1800, 12, 80, lat, lon, 2000, 12000, 1000, 9000, 0.0, ms)
         )
         if second is not None:
-            records.append(old_record("GPS2", 3, 107_000 + 100 * i, 1800, 12, 80, *second, 99900, 0, 0, 0, 0.0, ms))
+            records.append(old_record("GPS2", 3, week_ms + 100 * i, 1800, 12, 80, *second, 99900, 0, 0, 0, 0.0, ms))
         roll, pitch = 10 * np.sin(2 * t) + lean(t), 10 * np.cos(1.7 * t)
         records.append(old_record("ATT", ms, 0, round(100 * roll), 0, round(100 * pitch), 0, 9000, 0, 0))
         if mount:
@@ -260,6 +280,16 @@ def test_old_clocks(tmp_path):
     assert log.position.time_s == pytest.approx(100 + np.arange(100) / 10)
     assert log.attitude.time_s == pytest.approx(100 + np.arange(100) / 10)
     assert utc_at(log, 100.0) == pytest.approx(315_964_800 + 1800 * 604_800 + 107 - 16, abs=1e-3)
+
+
+def test_old_firmware_that_starts_anew(tmp_path):
+    """[AP] a second boot in the file: T falls back, and log time goes on by the receiver's week, ten minutes later."""
+    old_log(tmp_path / "a.bin")
+    old_log(tmp_path / "b.bin", boot_ms=5_000, week_ms=707_000)
+    (tmp_path / "c.bin").write_bytes((tmp_path / "a.bin").read_bytes() + (tmp_path / "b.bin").read_bytes())
+    log = read_log(tmp_path / "c.bin")
+    assert log.position.time_s[100:] == pytest.approx(700 + np.arange(100) / 10)
+    assert any("started anew" in note and "by GPS time" in note for note in log.notes)
 
 
 # --- cells that no other module has

@@ -393,6 +393,13 @@ class TestFrames:
         log = dataflash(tmp_path / "a.bin", *records)
         assert any("MNT: its angles never move" in note and "degrees apart" in note for note in log.notes)
 
+    def test_of_a_long_series_a_part_tells(self, monkeypatch, tmp_path):
+        """Runs of neighbours, evenly over it, and not every n-th sample: unrest is from sample to sample."""
+        monkeypatch.setattr("pipeline.telemetry.gimbals.frames.RUN_ROWS", 4)
+        log = tlog(tmp_path / "a.tlog", swaying_link(lambda i, t, ms: [(device(ms, servo(t), 44, number=1), 1)]))
+        assert set(log.gimbal.frame) == {BODY}
+        np.testing.assert_allclose(facing(log, [103.0, 107.0])[:, 1:], [[-30, 0]] * 2, atol=0.3)
+
     def test_a_stabilised_one_is_as_it_says(self, tmp_path):
         say = lambda i, t, ms: [(device(ms, turned(swaying(t)[0] + 10, -30), 64 | 12), 154)]  # noqa: E731
         log = tlog(tmp_path / "a.tlog", swaying_link(say))
@@ -721,6 +728,28 @@ class TestDefinitions:
         log = read_log(tmp_path / "a.bin")
         assert (log.counts["POS"], log.counts["ATT"], log.corrupt_packets) == (101, 101, 0)
         assert any("IMU: definition contradicts itself" in note for note in log.notes)
+
+    @pytest.mark.parametrize("at", [28, 88])
+    def test_a_flipped_bit_in_a_field_s_name_or_behind_it_costs_nothing_else(self, tmp_path, at):
+        """No text any more where a bit is set high in a letter, or behind the last one: the others are read."""
+        broken = [d if d[5:8] != b"POS" else bytes([*d[:at], d[at] ^ 0x80, *d[at + 1 :]]) for d in definitions()]
+        (tmp_path / "a.bin").write_bytes(b"".join([*broken, *dataflash_records()[len(definitions()) :]]))
+        log = read_log(tmp_path / "a.bin")
+        assert (log.counts["POS"], log.corrupt_packets) == (101, 0)
+        assert np.degrees(log.position.lat_rad[5]) == pytest.approx(LAT)
+
+    def test_a_definition_that_is_lost_costs_no_other_messages(self, tmp_path):
+        """What stands before a message of a kind that nothing defines is whole, and so is a definition before the
+        place of the lost one."""
+        own = definitions()
+        lost = next(i for i, d in enumerate(own) if d[5:8] == b"IMU")
+        head = [bytes(89) if i == lost else d for i, d in enumerate(own)]
+        (tmp_path / "a.bin").write_bytes(b"".join([*head, *dataflash_records()[len(own) :]]))
+        log = read_log(tmp_path / "a.bin")
+        assert log.counts["FMT"] == len(own) - 1
+        assert {name: log.counts[name] for name in ("POS", "ATT", "GPS", "CAM")} == {
+            "POS": 101, "ATT": 101, "GPS": 51, "CAM": 11
+        }  # fmt: skip
 
     def test_fields_that_fit_into_a_longer_message_are_read(self, tmp_path):
         """Letters that leave some of the declared length over."""

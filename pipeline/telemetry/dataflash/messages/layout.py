@@ -106,14 +106,11 @@ def layout_of(data: Bytes, message: bytes) -> Layout | None:
     if len(message) < FMT_BYTES:
         return None
     kind, length = message[3], message[4]
-    try:
-        name, letters, fields = (
-            part.rstrip(b"\0").decode("ascii") for part in (message[5:9], message[9:25], message[25:89])
-        )
-    except UnicodeDecodeError:
-        return None
+    name, letters, fields = (  # up to the first zero: what stands behind it is no text
+        part.split(b"\0")[0].decode("latin-1") for part in (message[5:9], message[9:25], message[25:89])
+    )
     layout = Layout(kind=kind, name=name, length=length, letters=letters, fields=tuple(fields.split(",")))
-    if not name.isalnum() or not all(layout.fields) or length < HEAD_BYTES:
+    if not (name.isascii() and name.isalnum()) or not all(layout.fields) or length < HEAD_BYTES:
         return None
     told = layout.letters_bytes
     if told == length:
@@ -122,6 +119,12 @@ def layout_of(data: Bytes, message: bytes) -> Layout | None:
     if by_letters > declared:
         return replace(layout, length=told)
     return layout if declared else None
+
+
+def bears_itself_out(message: bytes) -> bool:
+    """Whether an FMT is whole by what it says: printable text, and a length that its letters come to."""
+    layout = layout_of(b"", message)
+    return layout is not None and layout.letters_bytes == layout.length and all(map(str.isprintable, layout.fields))
 
 
 def _followed(data: Bytes, kind: int, length: int) -> int:

@@ -12,7 +12,7 @@ from calibration.foundation.arrays import Ints
 from calibration.foundation.compiled import AVAILABLE
 from pipeline.telemetry.dataflash.messages.chain import SEGMENT_BYTES, chain, first_message
 from pipeline.telemetry.dataflash.messages.doubt import is_whole
-from pipeline.telemetry.dataflash.messages.layout import FMT_KIND, Layout
+from pipeline.telemetry.dataflash.messages.layout import FMT_BYTES, FMT_HEAD, FMT_KIND, Layout, bears_itself_out
 from pipeline.telemetry.log.byte_ranges import Pieces, share_read
 from pipeline.telemetry.log.mapped_file import Bytes, taken
 from pipeline.telemetry.log.tables import Progress
@@ -111,17 +111,29 @@ def _with_care(
     return start[:n], kinds[:n], resumed[:n]
 
 
+def _undefined(head: bytes, layouts: Mapping[int, Layout]) -> bool:
+    """Whether a message begins here of a kind whose definition is lost: no garbage, for what stands before it."""
+    return head[:2] == FMT_HEAD[:2] and len(head) == 3 and head[2] not in layouts
+
+
 def judged(source: npt.NDArray[np.uint8], layouts: Mapping[int, Layout], found: Places) -> Places:
     """The messages to believe: all that are not doubtful, and of those the ones that their neighbours bear out."""
     believed = found.resumed == 0
     doubtful = np.flatnonzero(~believed)[:MOST_JUDGED]
     of_kind = {int(k): np.flatnonzero(believed & (found.kind == k)) for k in np.unique(found.kind[doubtful])}
     for i in doubtful.tolist():
+        at = int(found.place[i])
+        if found.kind[i] == FMT_KIND:
+            believed[i] = bears_itself_out(source[at : at + FMT_BYTES].tobytes())
+            continue
         layout, same = layouts[int(found.kind[i])], of_kind[int(found.kind[i])]
+        if _undefined(source[at + layout.length :][:3].tobytes(), layouts):
+            believed[i] = True
+            continue
         middle = int(np.searchsorted(same, i))
         near = found.place[same[max(0, middle - NEAR) : middle + NEAR]]
         around = taken(source, near, layout.length).view(layout.dtype)
-        believed[i] = is_whole(source, int(found.place[i]), int(found.resumed[i]), layout, around)
+        believed[i] = is_whole(source, at, int(found.resumed[i]), layout, around)
     return replace(
         found,
         place=found.place[believed],

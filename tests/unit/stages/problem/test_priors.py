@@ -8,7 +8,7 @@ import pytest
 
 from calibration.camera import CameraModel
 from pipeline.records import InstrumentSigma, SightRays
-from pipeline.stages.problem.priors import offset_sigma, with_focal
+from pipeline.stages.problem.priors import offset_sigma, place_sigma_px, with_focal
 
 K = np.array([[1000.0, 0, 640], [0, 1010.0, 360], [0, 0, 1]])
 RAYS = SightRays(
@@ -34,6 +34,14 @@ def test_what_the_flight_file_says_goes_first_and_a_certain_one_is_held():
     assert with_focal(InstrumentSigma(), {}, model(0.1), replace(RAYS, sigma_px=np.full(1, 0.1))).focal > 0
     unknown = CameraModel(image_size=(1280, 720), K=K, distortion=np.zeros(0))
     assert with_focal(InstrumentSigma(), {}, unknown, RAYS).focal == 0.0
+
+
+def test_a_tracked_point_is_off_by_what_the_flight_file_says():
+    flight = SimpleNamespace(boxes=lambda _: {"t": SimpleNamespace(width=30, height=30)})
+    for sigma, wanted in (({}, np.hypot(0.25, 0.3)), ({"place_px": 0.0}, 0.0), ({"place_px": 2.0}, 2.0)):
+        camera = SimpleNamespace(name="c", tracks=None, sigma=sigma)
+        assert place_sigma_px(flight, camera) == pytest.approx((wanted, wanted))
+    assert place_sigma_px(flight, SimpleNamespace(name="c", tracks="x.csv", sigma={})) == (0.0, 0.0)
 
 
 def test_the_offset_of_two_utc_times_is_worth_what_both_are_worth_together():

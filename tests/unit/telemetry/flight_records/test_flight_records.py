@@ -163,6 +163,39 @@ class TestDJI:
         )
         assert log.position.time_s == pytest.approx(steps, abs=1e-6)
 
+    def test_a_decoder_that_writes_metres_and_utc_and_says_neither(self, tmp_path):
+        """dji-log-parser: CUSTOM.dateTime; OSD.isGPSUsed false is a position that no receiver holds."""
+        header = (
+            "CUSTOM.dateTime,OSD.flyTime,OSD.latitude,OSD.longitude,OSD.height,OSD.altitude,OSD.pitch,OSD.roll,OSD.yaw,"
+            "OSD.isGPSUsed,OSD.gpsNum,GIMBAL.pitch,GIMBAL.roll,GIMBAL.yaw,CAMERA.isVideo"
+        )
+        rows = [
+            f"2022-02-09T13:56:{8 + i / 10:06.3f}Z,{i / 10},45.0,{7 + 1e-5 * i:.7f},20,320,0,0,90,"
+            f"{'false' if 10 <= i < 25 else 'true'},12,-30,0,90,false"
+            for i in range(60)
+        ]
+        log = read(tmp_path, "\n".join([header, *rows]))
+        assert utc_at(log, 0.0) == pytest.approx(UTC_S, abs=0.01)
+        assert log.position.above_home_m[0] == 20.0
+        assert int(log.position.valid.sum()) == 45
+        assert any("15 of 60 positions" in note for note in log.notes)
+
+    @pytest.mark.parametrize(("unit", "scale"), [("[s]", 1.0), ("[ms]", 1000.0)])
+    def test_a_clock_of_seconds_or_milliseconds(self, tmp_path, unit, scale):
+        rows = [f"{scale * i / 10},45.0,{7 + 1e-5 * i:.7f},20" for i in range(30)]
+        log = read(tmp_path, "\n".join([f"OSD.flyTime {unit},OSD.latitude,OSD.longitude,OSD.height [m]", *rows]))
+        assert log.position.time_s == pytest.approx(np.arange(30) / 10, abs=1e-6)
+
+    def test_an_unknown_unit_of_time_is_refused(self, tmp_path):
+        with pytest.raises(InputFileError, match="time in 'ticks'"):
+            read(tmp_path, "OSD.flyTime [ticks],OSD.latitude,OSD.longitude,OSD.height [m]\n0,45,7,20\n1,45,7,20\n")
+
+    def test_milliseconds_since_1970(self, tmp_path):
+        rows = [f"{1000 * UTC_S + 100 * i:.0f},45.0,{7 + 1e-5 * i:.7f},20" for i in range(30)]
+        header = "CUSTOM.updateTime [epoch],OSD.latitude,OSD.longitude,OSD.height [m]"
+        log = read(tmp_path, "\n".join([header, *rows]))
+        assert utc_at(log, 1.0) == pytest.approx(UTC_S + 1.0, abs=0.01)
+
     @pytest.mark.parametrize("unit", ["", " [yd]"])
     def test_a_height_without_a_known_unit_is_refused(self, tmp_path, unit):
         header = f"OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.height{unit}"
@@ -173,6 +206,29 @@ class TestDJI:
     def test_a_record_without_times_is_refused(self, tmp_path):
         with pytest.raises(InputFileError, match="no row with a time"):
             read(tmp_path, "OSD.latitude,OSD.longitude\n45,7\n")
+
+
+def test_two_recordings_are_two_flights(tmp_path):
+    """Log time goes on by the dates; the second one's rows do not come among the first's."""
+    first, second = airdata().splitlines(), airdata().replace("2022-02-09 13", "2022-02-09 14").splitlines()[1:]
+    log = read(tmp_path, "\n".join([*first, *second]))
+    assert log.position.time_s[60:] == pytest.approx(3600 + np.arange(60) / 10, abs=1e-3)
+    assert utc_at(log, 3601.0) == pytest.approx(utc_at(log, 1.0) + 3600)
+    assert any("another recording begins" in note for note in log.notes)
+
+
+def test_places_renewed_twice_a_second_are_a_sample_a_step(tmp_path):
+    rows = [f"{100 * i},45.0,{7 + 5e-5 * (i // 5):.7f},20" for i in range(100)]
+    log = read(tmp_path, "\n".join(["time(millisecond),latitude,longitude,height_above_takeoff(meters)", *rows]))
+    assert int(log.position.valid.sum()) == 20
+    assert any("renewed at 2.0 Hz" in note for note in log.notes)
+
+
+@pytest.mark.parametrize(("delimiter", "point"), [(";", "."), (";", ","), ("\t", ".")])
+def test_cells_parted_by_something_else(tmp_path, delimiter, point):
+    """As spreadsheets save it where a comma parts decimals."""
+    text = "\n".join(line.replace(",", delimiter).replace(".", point) for line in airdata().splitlines())
+    assert read(tmp_path, text).position.lat_rad == pytest.approx(read(tmp_path, airdata()).position.lat_rad)
 
 
 def test_a_table_of_poses_is_none(tmp_path):

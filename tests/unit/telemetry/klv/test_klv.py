@@ -230,6 +230,25 @@ class TestClocks:
         assert log.video_start_s == pytest.approx(STAMP_S, abs=1e-3)
         assert resolve_start(log, "2023-11-14T22:12:53Z", where="w") == pytest.approx(STAMP_S + 1, abs=1e-3)
 
+    @pytest.mark.parametrize(("later_s", "begin_s"), [(50.0, 1.7e9 + 50.0), (-5000.0, None)])
+    def test_two_recordings_in_one_file(self, tmp_path, later_s, begin_s):
+        """The second one's sets do not come among the first's: log time goes on by the time stamps where they do."""
+        parts = []
+        for late in (0.0, later_s):
+            sets = [local_set(at_place(1.7e9 + late + i / 10, lon=112.9 + 1.01e-5 * i)) for i in range(60)]
+            parts.append(transport(tmp_path / "part.ts", flight(sets)).read_bytes())
+        (tmp_path / "a.ts").write_bytes(b"".join(parts))
+        log = read_log(tmp_path / "a.ts")
+        assert (np.diff(log.position.lon_rad) < 0).sum() == 1
+        assert begin_s is None or log.position.time_s[60] == pytest.approx(begin_s)
+        assert any("another recording begins" in note for note in log.notes)
+
+    def test_places_renewed_five_times_a_second(self, tmp_path):
+        sets = [local_set(at_place(1.7e9 + i / 25, lon=112.9 + 2.02e-5 * (i // 5))) for i in range(200)]
+        log = read_log(transport(tmp_path / "a.ts", flight(sets)))
+        assert int(log.position.valid.sum()) == 40
+        assert any("renewed at 5.0 Hz" in note for note in log.notes)
+
     def test_a_clock_that_was_set_on_the_way(self, tmp_path):
         """An hour wrong for the first half: the video's own time does not jump."""
         found = [local_set(at_place(STAMP_S + i / 10 - 3600 * (i < 15), lon=112.9 + 1e-5 * i)) for i in range(30)]
