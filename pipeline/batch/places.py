@@ -68,9 +68,10 @@ def _fsspec() -> Any:
 @contextmanager
 def reaching(url: str, *, to_write: bool = False, passing: tuple[type[Exception], ...] = ()) -> Iterator[None]:
     """What goes wrong with a place elsewhere, but `passing`, becomes one kind of error, whatever library it is of."""
+    known: tuple[type[Exception], ...] = (RunningFixError, *passing)
     try:
         yield
-    except (RunningFixError, *passing):
+    except known:
         raise
     except FileNotFoundError:
         raise InputFileError(where=url, seen="no such file", expected="a file there", advice="check the URL") from None
