@@ -16,6 +16,8 @@ POSITION_MESSAGES = ("GLOBAL_POSITION_INT", *GPS_MESSAGES, "AHRS2")
 BOOT_MESSAGES = ("ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "SYSTEM_TIME")
 NO_AUTOPILOT, GROUND_STATION = 8, 6
 """MAV_AUTOPILOT_INVALID of a heartbeat's `autopilot`, MAV_TYPE_GCS of its `type`."""
+BOOT_ROUND_S, OVER_S = (1 << 32) / 1000, 5.0
+"""After 49.7 days milliseconds since boot begin anew, at the moment itself."""
 AUTOPILOT_NAMES = {3: "ArduPilot", 12: "PX4"}
 """MAV_AUTOPILOT of those whose own gimbal messages are known to say one thing and mean another."""
 
@@ -136,9 +138,9 @@ def clock_notes(clock: BootClock) -> list[str]:
     notes = []
     for place, offset in zip(clock.restart_place.tolist(), clock.offset_s[1:].tolist(), strict=True):
         at = float(clock.log_s[np.searchsorted(clock.place, place)])
-        notes.append(
-            f"the vehicle started anew at log time {at:.1f} s; from there log time is its boot time + {offset:.1f} s"
-        )
+        over = abs(offset - BOOT_ROUND_S * round(offset / BOOT_ROUND_S)) < OVER_S <= offset
+        what = "its boot clock of 32 bits ran over" if over else "the vehicle started anew"
+        notes.append(f"{what} at log time {at:.1f} s; from there log time is its boot time + {offset:.1f} s")
     if clock.record is not None and clock.record.outliers > 0:
         notes.append(
             f"{clock.record.outliers} of the recorder's timestamps disagree with the vehicle's clock and are not used"

@@ -37,12 +37,12 @@ def _quaternion(topic: Topic, name: str = "q") -> Floats:
     return np.stack([floats(topic, f"{name}[{i}]") for i in range(4)], axis=1)
 
 
-def vehicle_attitude(topics: dict[str, Topic]) -> AttitudeSeries | None:
-    """The vehicle's attitudes; None where there are none."""
-    topic = topics.get("vehicle_attitude")
+def vehicle_attitude(topics: dict[str, Topic], name: str = "vehicle_attitude") -> AttitudeSeries | None:
+    """The vehicle's attitudes by a topic, the estimator's or (..._groundtruth) a simulator's; None without it."""
+    topic = topics.get(name)
     if topic is None:
         return None
-    return attitude_series(source="vehicle_attitude", time_s=topic_time(topic), ned_from_body=_quaternion(topic))
+    return attitude_series(source=name, time_s=topic_time(topic), ned_from_body=_quaternion(topic))
 
 
 def gimbal_attitude(

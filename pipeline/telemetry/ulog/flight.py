@@ -11,11 +11,12 @@ from pipeline.telemetry.log.tables import Progress
 from pipeline.telemetry.ulog.accuracy import stated_accuracy
 from pipeline.telemetry.ulog.attitude import gimbal_attitude, vehicle_attitude
 from pipeline.telemetry.ulog.camera_events import camera_events
-from pipeline.telemetry.ulog.position import receiver_of, vehicle_position
+from pipeline.telemetry.ulog.position import receiver_of, simulated, vehicle_position
 from pipeline.telemetry.ulog.topics import load_topics
 from pipeline.telemetry.ulog.utc import utc_clock
 
 SYSTEM_NAME = "MAV_SYS_ID"
+TRUE_ATTITUDE = "vehicle_attitude_groundtruth"
 
 
 def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = None) -> FlightLog:
@@ -49,5 +50,6 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         utc=utc,
         accuracy=accuracy,
         receiver=receiver_of(topics, accuracy.source),
+        truth=simulated(topics, vehicle_attitude(topics, TRUE_ATTITUDE)),
         notes=(*log.notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

@@ -12,12 +12,16 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, undulation_of
 from pipeline.telemetry.log.flight_log import (
+    AttitudeSeries,
     PositionSeries,
+    TruthSeries,
 )
 from pipeline.telemetry.log.receiver import ReceiverSeries, at_times, receiver_series
 from pipeline.telemetry.log.series import position_series
 from pipeline.telemetry.ulog.topics import GPS_TOPICS, Topic, degrees, floats, metres, topic_time
 
+TRUE_PLACE = "vehicle_global_position_groundtruth"
+"""What PX4's simulators say of the vehicle, in the estimator's own message; its attitude is a topic beside it."""
 PX4_EARTH_RADIUS_M = 6371000.0
 RECEIVER_PLACE = (("latitude_deg", "lat"), ("longitude_deg", "lon"))
 """Fields in degrees, and their predecessors in 1e-7 degrees."""
@@ -124,6 +128,18 @@ def receiver_of(topics: dict[str, Topic], accuracy_source: str) -> ReceiverSerie
     return receiver_series(
         source=name, time_s=time, fix=floats(topic, "fix_type"), horizontal_m=across, vertical_m=up,
         height_m=on_ellipsoid(_receiver_heights(topic)[1], _undulation(topics), lat, lon)[1],
+    )  # fmt: skip
+
+
+def simulated(topics: dict[str, Topic], attitude: AttitudeSeries | None) -> TruthSeries | None:
+    """The simulator's truth, heights above mean sea level; `attitude` is its attitudes."""
+    topic = topics.get(TRUE_PLACE)
+    if topic is None or attitude is None:
+        return None
+    lat, lon = floats(topic, "lat"), floats(topic, "lon")
+    return TruthSeries(
+        source=TRUE_PLACE, time_s=topic_time(topic), lat_rad=np.radians(lat), lon_rad=np.radians(lon),
+        height_m=on_ellipsoid(floats(topic, "alt"), _undulation(topics), lat, lon)[1], attitude=attitude,
     )  # fmt: skip
 
 

@@ -111,6 +111,15 @@ class TestTlog:
         assert any("started anew" in note for note in log.notes)
         assert not covered(log, np.array([130.0]), mount=Mount(), lever_arm_m=np.zeros(3))[0]
 
+    def test_a_boot_clock_that_runs_over_is_no_reboot(self, tmp_path):
+        """Milliseconds of 32 bits begin anew after 49.7 days."""
+        link, over_s = Link(), (1 << 32) / 1000
+        fly(link, seconds=5, boot_s=over_s - 6.0)
+        fly(link, seconds=5, boot_s=0.0, record_s=RECORD_EPOCH_S + 6.0)
+        log = read_log(link.save(tmp_path / "over.tlog"))
+        assert log.position.time_s[51] == pytest.approx(over_s, abs=0.01)
+        assert any("of 32 bits ran over" in note for note in log.notes)
+
     def test_a_late_packet_is_no_reboot(self, tmp_path):
         link = Link()
         fly(link, seconds=5)

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from pipeline.telemetry import inspect_log, read_log
 from pipeline.telemetry.camera_pose.truth import pose_error
 from tests.scenes import logs as written
-from tests.scenes.logs import PLACE, RECORD_EPOCH_S, Link, definitions, log_of, record
+from tests.scenes.logs import PLACE, RECORD_EPOCH_S, Link, definitions, log_of, record, turned, ulog
 
 LAT, LON = np.degrees(PLACE.lat_rad), np.degrees(PLACE.lon_rad)
 METRE = 1 / 111_320.0
@@ -62,6 +62,21 @@ def test_tlog(tmp_path):
     found = pose_error(tlog(tmp_path / "a.tlog"))
     assert found.position_m == pytest.approx(OFF_M * np.sqrt(1 / 2), rel=0.02)
     assert np.degrees(found.attitude_rad) == pytest.approx(OFF_DEG, rel=0.03)
+
+
+def test_px4(tmp_path):
+    """[PX4] vehicle_global_position_groundtruth, vehicle_attitude_groundtruth of its simulators."""
+    place = {"lat": "f8", "lon": "f8", "alt": "f4"}
+    at = [100 + i / 10 for i in range(100)]
+    true = [{"t": t, "lat": LAT, "lon": LON + 1e-5 * i, "alt": 120.0} for i, t in enumerate(at)]
+    told = [{**row, "lat": LAT + OFF_M * METRE, "alt": 120.0 + OFF_M} for row in true]
+    looks = ({"q[4]": "q"}, [{"t": t, "q[4]": turned(90, -1, 2)} for t in at])
+    off = ({"q[4]": "q"}, [{"t": t, "q[4]": turned(90, -1, 2 + OFF_DEG)} for t in at])
+    topics = {"vehicle_global_position": (place, told), "vehicle_global_position_groundtruth": (place, true),
+              "vehicle_attitude": off, "vehicle_attitude_groundtruth": looks}  # fmt: skip
+    found = pose_error(read_log(ulog(tmp_path / "a.ulg", topics)))
+    assert found.position_m == pytest.approx(OFF_M * np.sqrt(2 / 3), rel=0.02)
+    assert np.degrees(found.attitude_rad) == pytest.approx(OFF_DEG / np.sqrt(3), rel=0.03)
 
 
 def test_a_real_flight_has_no_truth():
