@@ -25,7 +25,7 @@ def read_bytes(path: Path, *, expected: str, most: int = LARGEST_TEXT_BYTES) -> 
         with path.open("rb") as file:
             content = file.read(most + 1)
     except (OSError, ValueError) as error:
-        raise _unreadable(path, error, expected) from None
+        raise unreadable(path, error, expected) from None
     if len(content) > most:
         raise InputFileError(
             where=str(path),
@@ -41,7 +41,7 @@ def check_regular(path: Path, *, expected: str) -> None:
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
-        raise _unreadable(path, error, expected) from None
+        raise unreadable(path, error, expected) from None
     if not stat.S_ISREG(mode):
         raise InputFileError(
             where=str(path),
@@ -63,7 +63,8 @@ def kind_of(mode: int) -> str:
     return next((words for is_kind, words in kinds if is_kind(mode)), "something else")
 
 
-def _unreadable(path: Path, error: Exception, expected: str) -> InputFileError:
+def unreadable(path: Path, error: Exception, expected: str) -> InputFileError:
+    """The error for a file that could not be read."""
     if isinstance(error, FileNotFoundError):
         return InputFileError(
             where=str(path),

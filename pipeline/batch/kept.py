@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch.limits import ATTEMPTS, HEADROOM_BYTES, POLL_S, Limits
+from pipeline.batch.limits import ATTEMPTS, HEADROOM_BYTES, LOOK_AROUND_S, POLL_S, Limits
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 START_S = 300.0
@@ -65,6 +65,7 @@ class KeptWorker:
         return self._answer(process, begin, limits)
 
     def _answer(self, process: subprocess.Popen[bytes], begin: float, limits: Limits) -> Mapping[str, Any] | Ended:
+        looked_around = begin
         while True:
             line = self._line(process, POLL_S)
             seconds = time.monotonic() - begin
@@ -75,7 +76,9 @@ class KeptWorker:
                 return self._end("crashed", seconds)
             if seconds > limits.time_s:
                 return self._end("timeout", seconds)
-            taken = session_bytes(process.pid)
+            taken = own_bytes(process.pid)
+            if taken <= limits.memory_bytes and time.monotonic() - looked_around > LOOK_AROUND_S:
+                taken, looked_around = session_bytes(process.pid), time.monotonic()
             if taken > limits.memory_bytes:
                 return self._end("memory", seconds, memory=taken)
 
@@ -131,6 +134,13 @@ class KeptWorker:
             with contextlib.suppress(OSError):
                 assert stream is not None
                 stream.close()
+
+
+def own_bytes(process: int) -> int:
+    """Memory of one process, as the system counts what lies in it; 0 where it cannot be known."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        return int(Path("/proc", str(process), "statm").read_bytes().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return 0
 
 
 def session_bytes(leader: int) -> int:

@@ -10,6 +10,9 @@ from calibration.foundation.errors import UsageError
 
 POLL_S = 0.05
 """Between two looks at a worker's memory. Twice as long: a flight that is ended has taken twice as much too much."""
+LOOK_AROUND_S = 0.5
+"""Between two looks at all processes of the machine for those that a worker started: each costs milliseconds. Twice as
+long: what these are ended for has taken twice as much too much."""
 HEADROOM_BYTES = 1 << 30
 """Above the limit the operating system itself refuses more: for what is taken at once, between two looks."""
 ATTEMPTS = 2

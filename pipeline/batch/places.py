@@ -26,16 +26,28 @@ def as_path(name: str) -> Path | None:
     return Path(name[len("file://") :]) if name.startswith("file://") else None
 
 
+def check_place(out: str) -> None:
+    """Raises UsageError where a protocol is named and no place behind it."""
+    if is_url(out) and not inside(out):
+        raise UsageError(
+            where="-o",
+            seen=f"{out}, a protocol and no place",
+            expected="a folder or URL",
+            advice="-o s3://bucket/batch",
+        )
+
+
 def file_system(url: str) -> Any:
     """The file system of a URL.
 
-    Raises UsageError where the protocol or its package is missing.
+    Raises UsageError where the protocol or its package is missing, InputFileError where it does not answer.
     """
     fsspec = _fsspec()
     if "::" in url:
         raise UsageError(where=url, seen="a chain of protocols", expected="one URL", advice="name the place itself")
     try:
-        return fsspec.core.url_to_fs(url)[0]
+        with reaching(url, passing=(ImportError, ValueError)):
+            return fsspec.core.url_to_fs(url)[0]
     except (ImportError, ValueError) as error:
         raise UsageError(
             where=url, seen=str(error), expected="a path, or a URL that fsspec knows", advice="s3:// needs s3fs"
@@ -54,11 +66,12 @@ def _fsspec() -> Any:
 
 
 @contextmanager
-def reaching(url: str, *, to_write: bool = False) -> Iterator[None]:
-    """What goes wrong with a place elsewhere becomes one kind of error, whatever library it comes from."""
+def reaching(url: str, *, to_write: bool = False, passing: tuple[type[Exception], ...] = ()) -> Iterator[None]:
+    """What goes wrong with a place elsewhere, but `passing`, becomes one kind of error, whatever library it is of."""
+    known: tuple[type[Exception], ...] = (RunningFixError, *passing)
     try:
         yield
-    except RunningFixError:
+    except known:
         raise
     except FileNotFoundError:
         raise InputFileError(where=url, seen="no such file", expected="a file there", advice="check the URL") from None

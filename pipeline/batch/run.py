@@ -14,6 +14,7 @@ from pipeline.batch.kept_state import State, opened
 from pipeline.batch.limits import Limits
 from pipeline.batch.outcome import FlightOutcome
 from pipeline.batch.page import batch_page
+from pipeline.batch.places import check_place
 from pipeline.batch.spread import Spread
 from pipeline.batch.which import NamedFlight
 
@@ -52,6 +53,7 @@ def run_batch(
     `out` is a folder or a URL; `tell` hears of every flight as it ends. Raises RunningFixError where the data set
     cannot be written.
     """
+    check_place(out)
     arrow()
     begin = time.perf_counter()
     with opened(out) as state:

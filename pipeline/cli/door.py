@@ -106,11 +106,19 @@ def fault(error: Exception) -> RunningFixError:
 
 
 def check_arguments(argv: list[str]) -> None:
-    """Refuses bytes that are not text in names: libraries that open files by name fail on them hard.
+    """Refuses bytes that are not text in names, on which libraries that open files by name fail hard, and empty names,
+    as an unset variable leaves them: `-o ""` would fill the current folder.
 
     Raises UsageError.
     """
     for argument in argv:
+        if argument in ("", "--output="):
+            raise UsageError(
+                where="command line",
+                seen="an empty argument",
+                expected="a name or a value",
+                advice="look whether a variable is unset; the current folder is `.`",
+            )
         try:
             argument.encode()
         except UnicodeEncodeError:

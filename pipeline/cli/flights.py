@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calibration.foundation.errors import DID_NOT_CONVERGE
+from calibration.foundation.errors import DID_NOT_CONVERGE, UsageError
 from pipeline import stages
 from pipeline.cli.console import Console
 from pipeline.flight import read_flight
@@ -22,11 +23,14 @@ if TYPE_CHECKING:
 ACTIONS = {"track": "run_track", "poses": "run_poses", "solve": "run_solve", "run": "run_flight"}
 """What each command calls of the stages, of which only that is loaded."""
 OFFSET, POSITION = ("camera", "offset_s", "offset_sigma_s"), ("target", "typical_sigma_m")
+URL = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+:/")
+"""A URL as pathlib leaves it, with one slash; a Windows drive has one letter."""
 FIGURES = ("status", "method", "iterations", "cost", "chi_square", "degrees_of_freedom", "message")
 
 
 def run(arguments: Namespace, console: Console) -> int:
     """Does what `arguments.command` says; 0, or 7 where the verdict is bad: not converged, or it contradicts itself."""
+    check_folder(arguments.output)
     flight, out = read_flight(arguments.flight), arguments.output
     if getattr(arguments, "method", None):
         flight = replace(flight, solve=replace(flight.solve, method=arguments.method))
@@ -44,6 +48,17 @@ def run(arguments: Namespace, console: Console) -> int:
     report["seconds"] = {"start": round(begun_s, 6), **report["seconds"], "total": round(console.since_start_s(), 6)}
     console.result(report, words(report, out, solution))
     return DID_NOT_CONVERGE if solution and solution["verdict"]["grade"] == "bad" else 0
+
+
+def check_folder(out: Path) -> None:
+    """Raises UsageError where a folder is meant to be elsewhere: only a batch writes to URLs."""
+    if URL.match(str(out)):
+        raise UsageError(
+            where="-o",
+            seen=f"{out}, a URL",
+            expected="a folder of this machine",
+            advice="name a folder, or use `runningfix batch`, which writes to URLs",
+        )
 
 
 def solved_in(out: Path) -> dict[str, Any]:

@@ -75,6 +75,12 @@ def test_every_package_that_is_run_has_its_licence_told():
     assert {re.match(r"[\w-]+", text)[0] for text in named} == {row[0] for row in rows} - {"package", "---"}
 
 
+def test_the_wheel_is_installed_with_each_extra_that_users_have():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    installed = re.search(r'extras=\$\{\*:-"([a-z ]+)"\}', (ROOT / ".ci/install").read_text())[1].split()
+    assert set(installed) == {"none", *extras} - {"docs", "mutation", "fuzz", "test"}
+
+
 def test_every_exit_code_is_documented():
     known = {RunningFixError, *every_error(RunningFixError), door.InternalError, door.EndedByUserError}
     codes = {error.exit_code for error in known} | {0, DID_NOT_CONVERGE}

@@ -105,6 +105,34 @@ def test_folders_and_devices_are_not_written_over(capsys, tmp_path, monkeypatch,
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("out", "code", "words"),
+    [
+        ("", 2, "an empty argument"),
+        ("http://127.0.0.1:9/out", 2, "a URL"),
+        ("s3://bucket/out", 2, "a URL"),
+        ("x" * 5000, 6, "File name too long"),
+        ("a/" * 5000, 6, "File name too long"),
+    ],
+)
+def test_folders_that_are_none(capsys, flight, monkeypatch, out, code, words):
+    monkeypatch.chdir(flight.parent)
+    before = sorted(flight.parent.rglob("*"))
+    found, error, _ = answer(capsys, "solve", flight, "-o", out)
+    assert found == code
+    assert words in error["seen"]
+    assert sorted(flight.parent.rglob("*")) == before
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="a file that cannot be read to its end is needed")
+def test_a_file_that_cannot_be_read_to_its_end(capsys, flight):
+    text = flight.read_text()
+    flight.write_text(text.replace("uav1-tracks.csv", "/proc/self/mem"))
+    code, error, _ = answer(capsys, "solve", flight, "-o", flight.parent / "out")
+    assert code == 3
+    assert error["where"] == "/proc/self/mem"
+
+
 def run(*arguments, **options):
     return subprocess.run([*PYTHON, *map(str, arguments)], capture_output=True, timeout=300, **options)
 

@@ -219,8 +219,8 @@ def writing(out: Path) -> Iterator[Ledger]:
     A folder in which nothing was written goes away again. Raises WriteError where another process writes there, or
     nobody can.
     """
-    fresh = [path for path in (out / FOLDER, out, *out.parents) if not path.exists()]
     with _writing(out):
+        fresh = [path for path in (out / FOLDER, out, *out.parents) if not path.exists()]
         (out / FOLDER).mkdir(parents=True, exist_ok=True)
     try:
         with locked(out / FOLDER / "lock"):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.foundation.files import unreadable
 from pipeline.flight import Flight
 from pipeline.records import ImageTrack
 from pipeline.solver import how_compiled
@@ -19,9 +20,12 @@ NAMED_PACKAGES = ("runningfix", "numpy", "scipy", "opencv-contrib-python-headles
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file's content."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """SHA-256 of a file's content. Raises InputFileError where it cannot be read to its end."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise unreadable(path, error, "a file that can be read to its end") from None
 
 
 def tracks_hash(tracks: Iterable[ImageTrack]) -> str:

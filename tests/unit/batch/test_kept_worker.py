@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -27,6 +28,11 @@ for line in sys.stdin:
     if what == "die" or (what == "die-once" and not os.path.exists(out)):
         open(out, "w").close()
         os.kill(os.getpid(), signal.SIGSEGV)
+    if what == "child-eats":
+        if os.fork() == 0:
+            held = bytearray(b"x") * (300 << 20)
+            time.sleep(600)
+        time.sleep(600)
     if what == "child":
         if os.fork() == 0:
             time.sleep(600)
@@ -66,6 +72,13 @@ def test_what_takes_too_much_is_ended(worker, tmp_path):
     assert session_bytes(os.getsid(0)) > 0
 
 
+@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="memory of others is known by /proc")
+def test_what_its_children_take_counts(worker, tmp_path):
+    found = worker.fly(Path("child-eats"), tmp_path, Limits(time_s=60.0, memory_bytes=200 << 20))
+    assert isinstance(found, Ended)
+    assert found.why == "memory"
+
+
 def test_a_process_that_dies_once_is_replaced_and_one_that_dies_always_is_told(worker, tmp_path):
     assert worker.fly(Path("die-once"), tmp_path / "mark", AMPLE)["flown"] == "die-once"
     found = worker.fly(Path("die"), tmp_path / "mark", AMPLE)
@@ -88,6 +101,12 @@ def test_what_it_started_ends_with_it(worker, tmp_path):
 )
 def test_sizes(text, size):
     assert memory_bytes(text) == size
+
+
+def test_a_limit_beyond_the_machine_is_no_fault():
+    code = "from pipeline.batch.worker import limit_memory; limit_memory(99999999999 << 40); print('fine')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[3])
+    assert done.stdout == "fine\n", done.stderr
 
 
 @pytest.mark.parametrize("text", ["", "G", "-1G", "0", "1e9", "2 X", "9" * 40])
