@@ -75,6 +75,16 @@ def solver_rows(f: Figures) -> str:
     return "; ".join(texts)
 
 
+def flight_rows(f: Figures) -> str:
+    """Seconds of the solver by size and kind of poses, over Ceres' where it ran, and the whole command's."""
+    return "; ".join(
+        f"{kind}: {1e3 * v['solver_s']:.1f} ms"
+        + (f", Ceres takes {v['ratio']:.1f} times as long, {1e3 * v['apart_m']:.1f} mm apart" if "ratio" in v else "")
+        + f"; the command {v['processor_s']:.1f} s of processor time"
+        for kind, v in f.items()
+    )
+
+
 def corruption(f: Figures) -> str:
     """Sums over all kinds of damage."""
     total = {key: sum(v.get(key, 0) for v in f.values()) for key in ("runs", "crash", "wrong", "fewer", "theirs wrong")}
@@ -252,6 +262,11 @@ ROWS = (
         check="solver-speed",
         what="one solve, one thread (cameras x frames x targets), beside its peers",
         words=solver_rows,
+    ),
+    Row(
+        check="flight-speed",
+        what="`runningfix solve` on flight files, poses by frame, by time, from logs",
+        words=flight_rows,
     ),
     Row(check="solver-hour", what="the same up to an hour of four cameras at 25 Hz", words=solver_rows),
     Row(
