@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.records import CameraInput, Finding, Problem
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
@@ -29,15 +29,14 @@ from pipeline.solver.adjustment.model import Model, State, pose_error
 from pipeline.solver.methods.goodness_of_fit import misfit
 from pipeline.solver.methods.parameters import is_still, pose_errors
 from pipeline.solver.observation.clocks import FOCAL, POS, ROT, common_time_s
-from pipeline.solver.observation.pose_wander import PoseWander, between_knots, wander_knots
+from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.pose_wander import between_knots, wander_knots
 from pipeline.solver.observation.residuals import linearise
 
 AGREEMENT, LAG_S = 4.0, 0.2
 """Sigmas of agreement between frames a lag apart from which on errors are taken to last."""
 SHARES = (1.0, 0.7, 0.5, 0.3, 0.1)
 """Shares of the claimed sigma that may be new in every frame."""
-ROUNDS = 4
-"""In which what is new is asked again."""
 MISSING = 8.0
 """Log likelihood by which a smaller share must win: one flight in thousands by chance."""
 LOOKED_AT = 300
@@ -76,11 +75,6 @@ class Parts:
     new: Floats
     lasting: Floats
 
-    def reduced(self, share: Parts) -> Parts:
-        """Of what was new only `share.new` is; the rest lasts too, where that may last."""
-        new = self.new * share.new
-        return Parts(new=new, lasting=np.where((self.lasting > 0) | (share.lasting > 0), np.sqrt(1 - new**2), 0.0))
-
 
 def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[Fit, tuple[Finding, ...]]:
     """The adjustment with the processes that are given or that the data ask for, and what they are."""
@@ -92,7 +86,11 @@ def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[
     parts = {c: part for c, part in looked.items() if part is not None}
     agreed = {c: _all(problem.cameras[c]) for c in asked if c not in parts and agreement(fit, c) > AGREEMENT}
     if parts:
-        return _with_less_new(problem, fit, {**parts, **agreed}, descend)
+        both = {**parts, **agreed}
+        found = _with(problem, fit, both, MISSED, descend)
+        if likelihood(found) <= likelihood(fit) + CLEARLY or not _helped(found):
+            return fit, ()
+        return found, tuple(_told(problem.cameras[c], both[c], MISSED) for c in both)
     if agreed:
         both = agreed
         trials = [(p, _with(problem, fit, both, p, descend)) for p in _first(both)]
@@ -111,29 +109,6 @@ def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[
                     break
                 best, found, chosen = likelihood(trial), trial, other
     return found, tuple(_told(problem.cameras[c], both[c], chosen) for c in both)
-
-
-def _with_less_new(
-    problem: Problem, fit: Fit, parts: Mapping[int, Parts], descend: Descend
-) -> tuple[Fit, tuple[Finding, ...]]:
-    """The adjustment where much of the claims is missing among frames' errors, and is taken to last.
-
-    How much is new is asked again where the process stands: while it was missing, errors that nothing made were free to
-    shrink the scene (6005 of `check_ordinary_flights`, `gnss10`: new are 0.3 m of 1 m at first, then 0.1 m).
-    """
-    best, least, chosen = fit, likelihood(fit), parts
-    for round_ in range(ROUNDS):
-        trial = _with(problem, best, parts, MISSED, descend)
-        if likelihood(trial) <= least + CLEARLY or not (_helped(trial) or round_):
-            break
-        best, least, chosen = trial, likelihood(trial), parts
-        looked = {c: _missing(problem.cameras[c], best, c) for c in parts}
-        parts = {c: part if (less := looked[c]) is None else part.reduced(less) for c, part in parts.items()}
-        if all(part is None for part in looked.values()):
-            break
-    if best is fit:
-        return fit, ()
-    return best, tuple(_told(problem.cameras[c], chosen[c], MISSED) for c in chosen)
 
 
 def _helped(fit: Fit) -> bool:
@@ -256,10 +231,15 @@ def _with(problem: Problem, fit: Fit, parts: Mapping[int, Parts], process: Proce
     for c in range(len(problem.cameras)):
         new = spread[c] * parts[c].new if c in parts else spread[c]
         between = between_knots(wander, c)
-        spread[c] = np.where(given[c], np.minimum(spread[c], between), new)
+        spread[c] = np.where(
+            given[c], np.minimum(spread[c], between), np.hypot(new, np.where(new < spread[c], between, 0))
+        )
     pose = replace(model.pose, spread=spread)
-    own, knots = _parted(fit, wander, spread)
-    start = replace(fit.state, own=own, wander=knots)
+    own = (
+        fit.state.own
+        * np.divide(model.pose.spread, spread, out=np.zeros(spread.shape), where=spread > 0)[model.frames.camera]
+    )
+    start = replace(fit.state, own=own, wander=_carried(model, fit.state, model.frames, wander.knot_s, wander.first))
     found = descend(model.changed(wander=wander, pose=pose), start)
     return replace(found, iterations=fit.iterations + found.iterations)
 
@@ -283,30 +263,17 @@ def _sizes(problem: Problem, parts: Mapping[int, Parts], process: Process) -> tu
     return sigma, tau, given
 
 
-def _parted(fit: Fit, wander: PoseWander, spread: Floats) -> tuple[Floats, Floats]:
-    """Frames' own errors (F, 6) in the new `spread` (C, 6), and errors (K, 6) at the new knots.
-
-    The poses stay where they are: of a frame's whole moving error the process takes what is likeliest for it, the
-    frame the rest. A descent that begins with all of it in frames whose spread has shrunk begins far up the hill.
-    """
-    model, state = fit.model, fit.state
-    moving = state.own * model.pose.spread[model.frames.camera]
-    if model.wander is not None:
-        moving = moving + model.wander.at(state.wander, slice(None))
-    knots = np.zeros((wander.count, 6))
-    for c, axis, precision in wander.penalties:
-        part, own = model.frames.of(c), wander.of(c)
-        rows = np.flatnonzero((wander.left[part] >= 0) & model.frames.seen[part].any(axis=1))
-        left, share = wander.left[part][rows] - own.start, wander.share[part][rows]
-        hat = np.zeros((len(rows), own.stop - own.start))
-        hat[np.arange(len(rows)), left] = 1 - share
-        hat[np.arange(len(rows)), np.minimum(left + 1, hat.shape[1] - 1)] += share
-        variance = max(float(spread[c, axis]), 1e-3 * float(wander.sigma[c, axis])) ** 2
-        pull = hat.T @ moving[part][rows, axis] / variance
-        knots[own, axis] = np.linalg.solve(hat.T @ hat / variance + precision, pull)
-    width = spread[model.frames.camera]
-    rest = moving - wander.at(knots, slice(None))
-    return np.divide(rest, width, out=np.zeros_like(rest), where=width > 0), knots
+def _carried(model: Model, state: State, frames: Frames, knot_s: Floats, first: Ints) -> Floats:
+    """(K, 6) errors at new knots, read from the old ones."""
+    out = np.zeros((len(knot_s), 6))
+    if model.wander is None:
+        return out
+    for c in range(len(frames.cameras)):
+        old, new = model.wander.of(c), slice(int(first[c]), int(first[c + 1]))
+        if old.stop > old.start:
+            for axis in range(6):
+                out[new, axis] = np.interp(knot_s[new], model.wander.knot_s[old], state.wander[old, axis])
+    return out
 
 
 def _told(camera: CameraInput, parts: Parts, process: Process) -> Finding:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from pipeline.geometry.splines import acting
 from pipeline.records import SolverSettings
 from pipeline.solver import solve
 from pipeline.synthetic.scenes import paper_scene
@@ -20,7 +21,7 @@ def normalised_errors(motion, true):
     nodes = np.linspace(motion.start_s, motion.end_s, k + 1)
     path = CubicSpline(true.time_s, true.position_enu_m)
     error = (motion.position_enu_m(nodes) - path(nodes)).ravel()
-    basis = np.array([motion._basis(nodes[i : i + 1], np.zeros(1, int))[0] for i in range(k + 1)])
+    basis = acting(motion.knots_s, k, np.full(k + 1, k), nodes)
     blocks = np.zeros((k + 1, k + 1, 3, 3))
     for i in range(k + 1):
         for j in range(k + 1 - i):

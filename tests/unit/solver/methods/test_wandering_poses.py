@@ -1,54 +1,27 @@
-"""Pose errors that last: how much of a claim is new in every frame, and what a descent with a process begins from."""
-
-from dataclasses import replace
+"""Pose errors that last: a process is taken where the data are likelier with it."""
 
 import numpy as np
+import pytest
 
 from pipeline.solver.adjustment.levenberg_marquardt import levenberg_marquardt
-from pipeline.solver.adjustment.model import pose_error
-from pipeline.solver.methods.wandering_poses import Parts, _parted
-from pipeline.solver.observation.pose_wander import wander_knots
-from scripts.validation import check_ordinary_flights as ordinary
+from pipeline.solver.methods import wandering_poses
+from pipeline.solver.methods.wandering_poses import CLEARLY, Parts, with_wandering_poses
+from pipeline.synthetic.scenes import paper_scene
+from pipeline.synthetic.simulate import PAPER_LOW, simulate
 from tests.scenes.solver import rich_model
 
 
-def hovering(common, duration, rng, heading, distance, height):
-    place = [distance * np.cos(heading), distance * np.sin(heading), height]
-    return np.tile(place, (len(common), 1)) + ordinary._wander(common, rng, 0.5)
-
-
-def test_a_walk_of_positions_does_not_shrink_the_scene(monkeypatch):
-    """Receivers that claim 1 m new in every frame and walk instead: the scene shrank by 60 m, 7 claims."""
-    monkeypatch.setattr(ordinary, "_grade", lambda rng: {})
-    monkeypatch.setattr(ordinary, "_kinds", lambda rng, count: ("straight", "stop", "parked"))
-    monkeypatch.setattr(ordinary, "_flown", hovering)
-    monkeypatch.setattr(ordinary, "MOST_FRAMES", 200)
-    flight = ordinary.drawn(3, "gnss10", cameras=2, duration_s=20)
-    score, solution = ordinary.solved(flight, ordinary.with_true_motion(flight))
-    assert any(f.kind == "wandering-poses" for f in solution.findings)
-    assert score.rmse_m < 20
-    assert score.ratio < 2
-    assert score.offset_sigmas < 3
-    assert solution.verdict.grade == "good"
-
-
-def test_a_descent_with_a_process_begins_with_the_poses_where_they_are():
-    model, state = rich_model(drift=False)
-    fit = levenberg_marquardt(model, state)
-    sigma, tau = np.zeros((2, 6)), np.full((2, 6), 2.0)
-    sigma[1] = model.pose.spread[1]
-    wander, spread = wander_knots(model.frames, sigma, tau), model.pose.spread * 0.3
-    own, knots = _parted(fit, wander, spread)
-    assert np.abs(knots).max() > 0
-    later = model.changed(wander=wander, pose=replace(model.pose, spread=spread))
-    moved = pose_error(later, replace(fit.state, own=own, wander=knots), slice(None))
-    np.testing.assert_allclose(moved, pose_error(fit.model, fit.state, slice(None)), atol=1e-12)
-
-
-def test_what_is_no_longer_new_lasts():
-    claimed = Parts(
-        new=np.array([1.0, 1, 1, 0.3, 0.3, 0.3]), lasting=np.sqrt(1 - np.array([1.0, 1, 1, 0.09, 0.09, 0.09]))
-    )
-    less = claimed.reduced(Parts(new=np.array([1.0, 1, 1, 0.5, 0.5, 0.5]), lasting=np.zeros(6)))
-    np.testing.assert_allclose(less.new[3:], 0.15)
-    np.testing.assert_allclose(less.new**2 + less.lasting**2, 1)
+@pytest.mark.parametrize(("gain", "taken"), [(-200.0, False), (CLEARLY - 1, False), (CLEARLY + 1, True)])
+def test_a_process_that_makes_the_data_less_likely_is_not_taken(monkeypatch, gain, taken):
+    """Claims that nothing made left a scene free to shrink until its normal equations had no inverse."""
+    problem, _ = simulate(paper_scene(order=1, targets=1), noise=PAPER_LOW, seed=1)
+    fit = levenberg_marquardt(*rich_model(drift=False))
+    found = levenberg_marquardt(*rich_model(drift=False))
+    parts = Parts(new=np.full(6, 0.3), lasting=np.full(6, 0.95))
+    monkeypatch.setattr(wandering_poses, "_missing", lambda *_: parts)
+    monkeypatch.setattr(wandering_poses, "_with", lambda *_: found)
+    monkeypatch.setattr(wandering_poses, "_helped", lambda _: True)
+    monkeypatch.setattr(wandering_poses, "likelihood", lambda of: gain if of is found else 0.0)
+    best, told = with_wandering_poses(problem, fit, lambda *_: found)
+    assert best is (found if taken else fit)
+    assert bool(told) is taken
