@@ -126,7 +126,7 @@ ROWS = (
         what="demo: position of each target, error against the claimed sigma",
         words=lambda f: demo_rows(f, "m"),
     ),
-    Row(check="demo", what="demo: clocks", words=lambda f: demo_rows(f, "s")),
+    Row(check="demo", what="demo: clocks", words=lambda f: "; ".join(demo_rows(f, unit) for unit in ("ms", "mHz"))),
     Row(check="demo", what="demo: attitude of the cameras", words=lambda f: demo_rows(f, "deg")),
     Row(
         check="demo-order",
