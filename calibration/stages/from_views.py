@@ -190,8 +190,10 @@ def _odd_view(best: Candidate, views: Sequence[BoardView]) -> int | None:
     Raises CalibrationError where two cameras took the views, however alike, before a bent board is thought of.
     """
     found = like_cameras(best.model, best.fit, views)
-    if found is None or found.bad_view is not None:
-        return None if found is None else found.bad_view
+    if found is None:
+        return None
+    if found.bad_view is not None:
+        return found.bad_view
     names = [[v.name for v, m in zip(views, mask, strict=True) if m] for mask in (found.first, ~found.first)]
     told = [
         f"{_some(group)} fit a focal length of {fx:.1f} px and a principal point of {cx:.1f}, {cy:.1f}"

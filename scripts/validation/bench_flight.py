@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import shutil
 import subprocess
@@ -43,6 +42,7 @@ from scripts.validation.bench_solver import (
     SHIFT_M,
     SIGMA_PX,
     TURN_RAD,
+    with_one_thread,
 )  # fmt: skip
 from scripts.validation.figures import tell
 
@@ -294,11 +294,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    if os.environ.get("OMP_NUM_THREADS") != "1":  # libraries read it when they are loaded: start again with it
-        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        os.execve(
-            sys.executable,
-            [sys.executable, "-m", "scripts.validation.bench_flight", *sys.argv[1:]],
-            {**os.environ, **one},
-        )
+    with_one_thread("bench_flight")
     main()

@@ -204,12 +204,14 @@ def main() -> None:
         )
 
 
-if __name__ == "__main__":
-    if os.environ.get("OMP_NUM_THREADS") != "1":  # libraries read it when they are loaded: start again with it
+def with_one_thread(module: str) -> None:
+    """Starts a program of `scripts.validation` again with one thread, which libraries read when they are loaded."""
+    if os.environ.get("OMP_NUM_THREADS") != "1":
         one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        os.execve(
-            sys.executable,
-            [sys.executable, "-m", "scripts.validation.bench_solver", *sys.argv[1:]],
-            {**os.environ, **one},
-        )
+        program = [sys.executable, "-m", f"scripts.validation.{module}", *sys.argv[1:]]
+        os.execve(sys.executable, program, {**os.environ, **one})
+
+
+if __name__ == "__main__":
+    with_one_thread("bench_solver")
     main()
