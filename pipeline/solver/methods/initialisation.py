@@ -16,6 +16,7 @@ from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, 
 from pipeline.solver.adjustment.model import Model, State, residuals_of
 from pipeline.solver.methods.intersection import intersect, intersect_weighted
 from pipeline.solver.methods.parameters import MotionChoice, first_camera, first_model, given_offsets
+from pipeline.solver.methods.wandering_poses import begun
 from pipeline.solver.observation.clocks import OFFSET, SCALE, common_time_s
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.offset_search.search import search_offsets
@@ -111,7 +112,7 @@ def statistical_start(
 ) -> tuple[Model, State]:
     """The motion by weighted intersection at a candidate's clocks, or by plain intersection where that is enough."""
     camera = first_camera(problem, candidate.offset_s, candidate.frame_rate)
-    model, state = first_model(problem, settings, frames, choice, camera)
+    model, state = begun(problem, *first_model(problem, settings, frames, choice, camera))
     found = intersect_weighted(model, state) if "spline" in choice.kinds else intersect(model, state)
     return model, found if model.known is None else as_known(model, state, found)
 

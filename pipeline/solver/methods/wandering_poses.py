@@ -30,6 +30,7 @@ from pipeline.solver.methods.goodness_of_fit import misfit
 from pipeline.solver.methods.parameters import is_still, pose_errors
 from pipeline.solver.observation.clocks import FOCAL, POS, ROT, common_time_s
 from pipeline.solver.observation.observations import Frames
+from pipeline.solver.observation.pose_roughness import roughness
 from pipeline.solver.observation.pose_wander import between_knots, wander_knots
 from pipeline.solver.observation.residuals import linearise
 
@@ -39,6 +40,8 @@ SHARES = (1.0, 0.7, 0.5, 0.3, 0.1)
 """Shares of the claimed sigma that may be new in every frame."""
 MISSING = 8.0
 """Log likelihood by which a smaller share must win: one flight in thousands by chance."""
+SMOOTH, LEAST = 0.7, 0.03
+"""Share of the claimed sigma below which measured poses are smoother than it; and the least that is new: a lens shakes."""
 LOOKED_AT = 300
 """Frames of a camera that are looked at for that."""
 FIRST_TAU_S = 10.0
@@ -81,7 +84,8 @@ def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[
     moving = [c for c, camera in enumerate(problem.cameras) if not is_still(camera)]
     if any(_is_given(problem.cameras[c]) for c in moving):
         fit = _with(problem, fit, {}, Process(), descend)
-    asked = [c for c in moving if _is_asked(problem.cameras[c])]
+    smooth = smooth_parts(problem)
+    asked = [c for c in moving if _is_asked(problem.cameras[c]) and c not in smooth]
     looked = {c: _missing(problem.cameras[c], fit, c) for c in asked}
     parts = {c: part for c, part in looked.items() if part is not None}
     agreed = {c: _all(problem.cameras[c]) for c in asked if c not in parts and agreement(fit, c) > AGREEMENT}
@@ -222,10 +226,43 @@ def likelihood(fit: Fit) -> float:
     return float(-fit.cost - 0.5 * factor.log_determinant() + 0.5 * known)
 
 
+def begun(problem: Problem, model: Model, state: State) -> tuple[Model, State]:
+    """A start with the processes that are known before the data are looked at: given ones, and those of smooth poses."""
+    parts = smooth_parts(problem)
+    if not parts and not any(_is_given(camera) for camera in problem.cameras):
+        return model, state
+    return _processed(problem, model, state, parts, MISSED)
+
+
+def smooth_parts(problem: Problem) -> dict[int, Parts]:
+    """Of cameras whose measured poses are smoother than errors new in every frame could be: what is new, what lasts."""
+    out = {}
+    for c, camera in enumerate(problem.cameras):
+        rough = None if is_still(camera) or not _is_asked(camera) else roughness(camera.poses)
+        if rough is not None:
+            free = _all(camera).lasting
+            new = np.ones(6)
+            for part, most, claim in (
+                (ROT, rough[0], camera.sigma.attitude_rad), (POS, rough[1], camera.sigma.position_m)
+            ):
+                if free[part].any() and most < SMOOTH * claim:
+                    new[part] = max(most / claim, LEAST)
+            if (new < 1).any():
+                out[c] = Parts(new=new, lasting=np.sqrt(1 - new**2) * free)
+    return out
+
+
 def _with(problem: Problem, fit: Fit, parts: Mapping[int, Parts], process: Process, descend: Descend) -> Fit:
     """The adjustment with all given processes and `process` for the cameras that have `parts`."""
+    found = descend(*_processed(problem, fit.model, fit.state, parts, process))
+    return replace(found, iterations=fit.iterations + found.iterations)
+
+
+def _processed(
+    problem: Problem, model: Model, state: State, parts: Mapping[int, Parts], process: Process
+) -> tuple[Model, State]:
+    """The model with all given processes and `process` for the cameras that have `parts`."""
     sigma, tau, given = _sizes(problem, parts, process)
-    model = fit.model
     wander = wander_knots(model.frames, sigma, tau)
     spread = pose_errors(problem, "map").spread.copy()
     for c in range(len(problem.cameras)):
@@ -236,12 +273,11 @@ def _with(problem: Problem, fit: Fit, parts: Mapping[int, Parts], process: Proce
         )
     pose = replace(model.pose, spread=spread)
     own = (
-        fit.state.own
+        state.own
         * np.divide(model.pose.spread, spread, out=np.zeros(spread.shape), where=spread > 0)[model.frames.camera]
     )
-    start = replace(fit.state, own=own, wander=_carried(model, fit.state, model.frames, wander.knot_s, wander.first))
-    found = descend(model.changed(wander=wander, pose=pose), start)
-    return replace(found, iterations=fit.iterations + found.iterations)
+    start = replace(state, own=own, wander=_carried(model, state, model.frames, wander.knot_s, wander.first))
+    return model.changed(wander=wander, pose=pose), start
 
 
 def _sizes(problem: Problem, parts: Mapping[int, Parts], process: Process) -> tuple[Floats, Floats, Bools]:

@@ -223,10 +223,24 @@ def _summed(powers: Floats, weight: Floats, products: Floats) -> Floats:
     return ((powers * weight[:, None]).reshape(g * j, m) @ products).reshape(g, j, -1)
 
 
+def _together(mid_s: Floats, half_s: float, placed: Sequence[SetCamera]) -> Floats:
+    """(g,) greatest share of the shorter span in which a camera, centred at `mid_s`, and a placed one look together."""
+    best = np.zeros(len(mid_s))
+    for p in placed:
+        low, high = np.array(p.view.span_s) * p.clock_scale + p.offset_s
+        both = np.minimum(mid_s + half_s, high) - np.maximum(mid_s - half_s, low)
+        best = np.maximum(best, both / max(min(high - low, 2 * half_s), 1e-9))
+    return best
+
+
 def sweep_polynomial(
-    new: View, placed: Sequence[SetCamera], allowed: ClockRange, keep: int, orders: Mapping[str, int]
-) -> tuple[ClockGuess, ...]:
-    """The best clocks of `new` against `placed` for targets of known polynomial order; local minima, best first."""
+    new: View, placed: Sequence[SetCamera], allowed: ClockRange, keep: int, orders: Mapping[str, int],
+    overlap: float = 0.0,
+) -> tuple[ClockGuess, ...]:  # fmt: skip
+    """The best clocks of `new` against `placed` for targets of known polynomial order; local minima, best first.
+
+    Only clocks under which `new` and some placed camera look together for the share `overlap` of the shorter of both.
+    """
     views = [p.view for p in placed] + [new]
     wanted = [t for t in orders if any(t in v.tracks for v in views)]
     most = min(max(COARSE // max(len(wanted), 1), 20), 60)
@@ -240,6 +254,9 @@ def sweep_polynomial(
     clock_scales = np.linspace(1 - allowed.clock_scale, 1 + allowed.clock_scale, 2 * count + 1) if count else np.ones(1)
     offsets = np.arange(allowed.low_s, allowed.high_s + step, min(step, (allowed.high_s - allowed.low_s) / 4))
     mid = offsets + middle
+    mid = mid[_together(mid, half, placed) >= overlap]
+    if not len(mid):
+        return ()
     grid = np.array([(t - s * middle, s) for t in mid for s in clock_scales])
     set_clocks = np.array([(p.offset_s, p.clock_scale) for p in placed])
     cost = []

@@ -167,12 +167,16 @@ def _fit(setup: _Setup, point: _Point, cost: float, normal: Floats) -> Hypothesi
 
 
 def _overlap(setup: _Setup, point: _Point) -> float:
-    """Smallest share, over the cameras, of its span in which some other camera looks too."""
+    """Smallest share, over the cameras, in which some other camera looks too, of the shorter of both spans."""
     spans = [np.array(v.span_s) * c[1] + c[0] for v, c in zip(setup.views, point.clock, strict=True)]
     shares = []
     for i, (low, high) in enumerate(spans):
-        both = [min(high, b) - max(low, a) for j, (a, b) in enumerate(spans) if j != i]
-        shares.append(max([0.0, *both]) / max(high - low, 1e-9))
+        both = [
+            (min(high, b) - max(low, a)) / max(min(high - low, b - a), 1e-9)
+            for j, (a, b) in enumerate(spans)
+            if j != i
+        ]
+        shares.append(max([0.0, *both]))
     return float(min(shares))
 
 

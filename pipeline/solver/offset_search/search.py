@@ -47,6 +47,10 @@ FITS = 2.0
 HOPELESS = 20.0
 """Chi-square per equation of the best roughly polished guess from which on polynomials of a guessed order are given up:
 ten times what fits, so that no better polishing can make up for it."""
+TOGETHER = 0.1
+"""Share of the shorter video in which cameras must look together where a motion's order is guessed: two videos that do
+not overlap fit a guess better than two that do, since nothing contradicts it. Half as much lets hardly a second of a
+short video decide; twice as much loses videos that overlap by a sixth."""
 SHORT_S = 60.0
 """Tracks up to this long are tried with polynomials where the order of a motion is not known."""
 WEAK_S = 0.08
@@ -60,11 +64,12 @@ ShareDone = Callable[[float], None]
 @dataclass(frozen=True, kw_only=True)
 class _Cost:
     """One way to judge clocks: coarse guesses for a new camera, and the polishing of a whole hypothesis; it is given up
-    where the best rough misfit is beyond `hopeless`."""
+    where the best rough misfit is beyond `hopeless`. Clocks must make cameras look together for the share `overlap`."""
 
     sweep: Callable[[View, Sequence[SetCamera], ClockRange, int], tuple[ClockGuess, ...]]
     polish: Callable[[Sequence[View], Sequence[tuple[float, float]], Sequence[ClockPrior | None], float], Hypothesis]
     hopeless: float = math.inf
+    overlap: float = 0.0
 
 
 def search_offsets(
@@ -142,12 +147,13 @@ def _costs(problem: Problem, seen: Mapping[str, View]) -> list[_Cost]:
     if max((v.span_s[1] - v.span_s[0] for v in seen.values() if v.tracks), default=0.0) > SHORT_S:
         return [CROSSING]
     guessed = ({**known, **dict.fromkeys(auto, k)} for k in (2, 4))
-    return [replace(_polynomial_cost(orders), hopeless=HOPELESS) for orders in guessed] + [CROSSING]
+    return [replace(_polynomial_cost(orders, TOGETHER), hopeless=HOPELESS) for orders in guessed] + [CROSSING]
 
 
-def _polynomial_cost(orders: Mapping[str, int]) -> _Cost:
+def _polynomial_cost(orders: Mapping[str, int], overlap: float = 0.0) -> _Cost:
     return _Cost(
-        sweep=partial(sweep_polynomial, orders=orders),
+        overlap=overlap,
+        sweep=partial(sweep_polynomial, orders=orders, overlap=overlap),
         polish=partial(polish_polynomial, orders=orders),
     )
 
@@ -234,7 +240,9 @@ def _extended(
         for guess in cost.sweep(seen[name], placed, prior.allowed, GUESSES):
             clocks = {**fit.clock, name: (guess.offset_s, guess.clock_scale)}
             grown.append(_polished(clocks, seen, priors, cost, effort=ROUGH))
-    grown = [fit for fit in grown if _within(fit, name, prior.allowed, seen[name])]
+    grown = [fit for fit in grown if _within(fit, name, prior.allowed, seen[name]) and fit.overlap >= cost.overlap]
+    if not grown and cost.overlap > 0:
+        return []
     if not grown:
         raise _no_overlap(name, list(beam[0].clock), prior.allowed)
     if min(fit.misfit for fit in grown) > cost.hopeless:
@@ -242,7 +250,8 @@ def _extended(
     promising = _distinct(grown, seen)[:BEAM]
     polished = sorted((_polished(fit.clock, seen, priors, cost) for fit in promising), key=lambda f: f.cost)
     probes = _valley(polished[0], name, prior.allowed, seen)
-    return _distinct([*polished, *(_polished(clock, seen, priors, cost) for clock in probes)], seen)
+    whole = [*polished, *(_polished(clock, seen, priors, cost) for clock in probes)]
+    return _distinct([fit for fit in whole if fit.overlap >= cost.overlap], seen)
 
 
 def _valley(
