@@ -95,7 +95,7 @@ def best_of(
         if not is_doubtful(ends[-1][1].fit):
             break
     fits = [(words, end.fit) for words, end in ends]
-    best = min(range(len(ends)), key=lambda i: (_worth(fits[i][1]), i))
+    best = min(range(len(ends)), key=lambda i: (is_doubtful(fits[i][1]), _worth(fits[i][1]), i))
     fit = replace(fits[best][1], iterations=sum(f.iterations for _, f in fits))
     return replace(ends[best][1], fit=fit), (_told(fits, best, failed),)
 

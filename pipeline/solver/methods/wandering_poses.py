@@ -41,7 +41,7 @@ SHARES = (1.0, 0.7, 0.5, 0.3, 0.1)
 MISSING = 8.0
 """Log likelihood by which a smaller share must win: one flight in thousands by chance."""
 SMOOTH, LEAST = 0.7, 0.03
-"""Share of the claimed sigma below which measured poses are smoother than it; and the least that is new: a lens shakes."""
+"""Share of the claimed sigma below which measured poses are smoother than it; the least that is new: a lens shakes."""
 LOOKED_AT = 300
 """Frames of a camera that are looked at for that."""
 FIRST_TAU_S = 10.0
@@ -73,46 +73,61 @@ MISSED = Process(attitude=1.0, position=1.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parts:
-    """Of a camera's moving errors, shares of the claimed sigma: `new` in every frame, and `lasting` (6,)."""
+    """Of a camera's moving errors, shares of the claimed sigma: `new` in every frame, and `lasting` (6,).
+
+    process   how these last; None: as is tried
+    between   whether what the process does between its knots is new in every frame, too
+    """
 
     new: Floats
     lasting: Floats
+    process: Process | None = None
+    between: bool = True
 
 
 def with_wandering_poses(problem: Problem, fit: Fit, descend: Descend) -> tuple[Fit, tuple[Finding, ...]]:
-    """The adjustment with the processes that are given or that the data ask for, and what they are."""
-    moving = [c for c, camera in enumerate(problem.cameras) if not is_still(camera)]
-    if any(_is_given(problem.cameras[c]) for c in moving):
-        fit = _with(problem, fit, {}, Process(), descend)
-    smooth = smooth_parts(problem)
-    asked = [c for c in moving if _is_asked(problem.cameras[c]) and c not in smooth]
+    """The adjustment with the processes that the data ask for besides those of its start, and what they are."""
+    fit, smooth = _best_of_smooth(problem, fit, smooth_parts(problem), descend)
+    found, more, process = _asked_for(problem, fit, smooth, descend)
+    every = {**smooth, **more}
+    return found, tuple(_told(problem.cameras[c], every[c], process if c in more else MISSED) for c in every)
+
+
+def _asked_for(
+    problem: Problem, fit: Fit, smooth: Mapping[int, Parts], descend: Descend
+) -> tuple[Fit, Mapping[int, Parts], Process]:
+    """The same with what the data ask for of cameras that are not among the `smooth` ones; the process of these."""
+    nothing: tuple[Fit, Mapping[int, Parts], Process] = fit, {}, MISSED
+    asked = [
+        c for c, camera in enumerate(problem.cameras)
+        if not is_still(camera) and _is_asked(camera) and c not in smooth
+    ]  # fmt: skip
     looked = {c: _missing(problem.cameras[c], fit, c) for c in asked}
     parts = {c: part for c, part in looked.items() if part is not None}
     agreed = {c: _all(problem.cameras[c]) for c in asked if c not in parts and agreement(fit, c) > AGREEMENT}
+    both = {**parts, **agreed}
+
+    def tried(process: Process, fit: Fit = fit) -> Fit:
+        return _with(problem, fit, {**smooth, **both}, process, descend)
+
+    if not both:
+        return nothing
     if parts:
-        both = {**parts, **agreed}
-        found = _with(problem, fit, both, MISSED, descend)
-        if likelihood(found) <= likelihood(fit) + CLEARLY or not _helped(found):
-            return fit, ()
-        return found, tuple(_told(problem.cameras[c], both[c], MISSED) for c in both)
-    if agreed:
-        both = agreed
-        trials = [(p, _with(problem, fit, both, p, descend)) for p in _first(both)]
-        chosen, found = max(trials, key=lambda trial: likelihood(trial[1]))
-        best = likelihood(found)
-        if best <= likelihood(fit) + CLEARLY or not _helped(found):
-            return fit, ()
-    else:
-        return fit, ()
+        found = tried(MISSED)
+        return (found, both, MISSED) if likelihood(found) > likelihood(fit) + CLEARLY and _helped(found) else nothing
+    chosen, found = max(((p, tried(p)) for p in _first(both)), key=lambda trial: likelihood(trial[1]))
+    best = likelihood(found)
+    if best <= likelihood(fit) + CLEARLY or not _helped(found):
+        return nothing
     for key, factors in _refined(both, chosen):
         for factor in factors:
             for _ in range(STEPS):
                 other = replace(chosen, **{key: getattr(chosen, key) * factor})
-                trial = _with(problem, found, both, other, descend)
+                trial = tried(other, found)
                 if likelihood(trial) <= best + 0.5:
                     break
                 best, found, chosen = likelihood(trial), trial, other
-    return found, tuple(_told(problem.cameras[c], both[c], chosen) for c in both)
+    return found, both, chosen
 
 
 def _helped(fit: Fit) -> bool:
@@ -226,9 +241,36 @@ def likelihood(fit: Fit) -> float:
     return float(-fit.cost - 0.5 * factor.log_determinant() + 0.5 * known)
 
 
+def _changing(parts: Mapping[int, Parts]) -> dict[int, Parts]:
+    """The same, with what the process does between its knots among what is new."""
+    return {c: replace(part, between=True) for c, part in parts.items()}
+
+
+def _bends(model: Model) -> bool:
+    """Whether some motion is free to follow what poses' errors do between knots."""
+    return any(t.kind == "spline" for t in model.basis.targets)
+
+
+def _best_of_smooth(
+    problem: Problem, fit: Fit, smooth: Mapping[int, Parts], descend: Descend
+) -> tuple[Fit, Mapping[int, Parts]]:
+    """What smooth poses' errors do: last, last and change between knots, or after all be new in every frame."""
+    if not smooth:
+        return fit, smooth
+    first = smooth if _bends(fit.model) else _changing(smooth)
+    best, least, chosen = fit, likelihood(fit), first
+    for parts in (_changing(smooth), {}) if _bends(fit.model) else ({},):
+        trial = _with(problem, fit, parts, MISSED, descend)
+        if likelihood(trial) > least + CLEARLY:
+            best, least, chosen = trial, likelihood(trial), parts
+    return best, chosen
+
+
 def begun(problem: Problem, model: Model, state: State) -> tuple[Model, State]:
-    """A start with the processes that are known before the data are looked at: given ones, and those of smooth poses."""
+    """A start with the processes that are known before the data are looked at: given ones, and smooth poses'."""
     parts = smooth_parts(problem)
+    if not _bends(model):
+        parts = _changing(parts)
     if not parts and not any(_is_given(camera) for camera in problem.cameras):
         return model, state
     return _processed(problem, model, state, parts, MISSED)
@@ -243,12 +285,13 @@ def smooth_parts(problem: Problem) -> dict[int, Parts]:
             free = _all(camera).lasting
             new = np.ones(6)
             for part, most, claim in (
-                (ROT, rough[0], camera.sigma.attitude_rad), (POS, rough[1], camera.sigma.position_m)
+                (ROT, rough[0], camera.sigma.attitude_rad),
+                (POS, rough[1], camera.sigma.position_m),
             ):
                 if free[part].any() and most < SMOOTH * claim:
                     new[part] = max(most / claim, LEAST)
             if (new < 1).any():
-                out[c] = Parts(new=new, lasting=np.sqrt(1 - new**2) * free)
+                out[c] = Parts(new=new, lasting=np.sqrt(1 - new**2) * free, process=MISSED, between=False)
     return out
 
 
@@ -267,7 +310,7 @@ def _processed(
     spread = pose_errors(problem, "map").spread.copy()
     for c in range(len(problem.cameras)):
         new = spread[c] * parts[c].new if c in parts else spread[c]
-        between = between_knots(wander, c)
+        between = between_knots(wander, c) * (1.0 if c not in parts or parts[c].between else 0.0)
         spread[c] = np.where(
             given[c], np.minimum(spread[c], between), np.hypot(new, np.where(new < spread[c], between, 0))
         )
@@ -286,9 +329,10 @@ def _sizes(problem: Problem, parts: Mapping[int, Parts], process: Process) -> tu
     sigma, tau, given = np.zeros((count, 6)), np.ones((count, 6)), np.zeros((count, 6), dtype=bool)
     for c, camera in enumerate(problem.cameras):
         known = camera.sigma
+        own = parts[c].process or process if c in parts else process
         for part, size, claimed_s, share, tau_s in (
-            (ROT, known.attitude_rad, known.attitude_tau_s, process.attitude, process.attitude_tau_s),
-            (POS, known.position_m, known.position_tau_s, process.position, process.position_tau_s),
+            (ROT, known.attitude_rad, known.attitude_tau_s, own.attitude, own.attitude_tau_s),
+            (POS, known.position_m, known.position_tau_s, own.position, own.position_tau_s),
         ):
             if is_still(camera):
                 continue

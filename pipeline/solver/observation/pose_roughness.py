@@ -16,9 +16,6 @@ from calibration.foundation.arrays import Bools, Floats
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack
 
-LAG_S = 0.3
-"""What lasts longer is not new in every frame. Three times as long takes ordinary accelerations (1 m/s^2: 0.4 m) for
-noise; a third of it misses the noise of logs of ten rows a second between their rows."""
 MEDIAN = 2.366
 """Of chi-square with three degrees of freedom: a median bears the few frames of a turn or a step."""
 FEWEST, EVEN = 20, 0.1
@@ -30,9 +27,7 @@ def roughness(poses: PoseTrack) -> tuple[float, float] | None:
     time = poses.time_s
     if len(time) < FEWEST:
         return None
-    k = max(1, round(LAG_S / max(float(np.median(np.diff(time))), 1e-9)))
-    if len(time) < FEWEST + 2 * k:
-        return None
+    k = 1
     before, after = time[k:-k] - time[: -2 * k], time[2 * k :] - time[k:-k]
     even = np.abs(after - before) < EVEN * np.median(after)
     if even.sum() < FEWEST:

@@ -172,9 +172,7 @@ def _overlap(setup: _Setup, point: _Point) -> float:
     shares = []
     for i, (low, high) in enumerate(spans):
         both = [
-            (min(high, b) - max(low, a)) / max(min(high - low, b - a), 1e-9)
-            for j, (a, b) in enumerate(spans)
-            if j != i
+            (min(high, b) - max(low, a)) / max(min(high - low, b - a), 1e-9) for j, (a, b) in enumerate(spans) if j != i
         ]
         shares.append(max([0.0, *both]))
     return float(min(shares))
