@@ -16,6 +16,10 @@ from calibration.foundation.arrays import Bools, Floats
 from pipeline.geometry import rotation
 from pipeline.records import PoseTrack
 
+LAG_S = 0.3
+"""What lasts longer is not new in every frame, and motions free to bend follow it. A third less, and the wobble of some
+tenths of a second that attitude filters leave is taken for steps of poses; twice as much, and what lasts a second is
+taken for noise, which draws targets towards the cameras (1 m in 10 s: 5 m off became 11)."""
 MEDIAN = 2.366
 """Of chi-square with three degrees of freedom: a median bears the few frames of a turn or a step."""
 FEWEST, EVEN = 20, 0.1
@@ -27,7 +31,9 @@ def roughness(poses: PoseTrack) -> tuple[float, float] | None:
     time = poses.time_s
     if len(time) < FEWEST:
         return None
-    k = 1
+    k = max(1, round(LAG_S / max(float(np.median(np.diff(time))), 1e-9)))
+    if len(time) < FEWEST + 2 * k:
+        return None
     before, after = time[k:-k] - time[: -2 * k], time[2 * k :] - time[k:-k]
     even = np.abs(after - before) < EVEN * np.median(after)
     if even.sum() < FEWEST:

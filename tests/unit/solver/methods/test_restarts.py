@@ -33,3 +33,14 @@ def test_an_adjustment_that_cannot_settle_is_not_believed(fit):
     found = map_estimation._settled(fit, singular)
     assert found.fit.status == "stalled"
     assert restarts.is_doubtful(found.fit)
+
+
+def test_an_end_that_converged_is_taken_before_one_whose_cost_is_lower(fit, monkeypatch):
+    """What collapsed costs less: residuals vanish where videos do not overlap, or a scene has shrunk."""
+    start = Start(words="other offsets (b +1.00 s)", run=lambda: fit)
+    monkeypatch.setattr(restarts, "_others", lambda *_: iter([start]))
+    monkeypatch.setattr(restarts, "_worth", lambda found: 0.0 if found.status == "stalled" else 100.0)
+    collapsed = Settled(fit=replace(fit, status="stalled"))
+    best, told = best_of(collapsed, None, (), (), lambda found: Settled(fit=found))
+    assert best.fit.status == "converged"
+    assert told[0].words.endswith("Taken: other offsets (b +1.00 s)")

@@ -12,8 +12,10 @@ from pipeline.records import SolverSettings
 from pipeline.solver.observation.observations import across
 from pipeline.solver.offset_search import polynomial, polynomial_polish
 from pipeline.solver.offset_search.search import search_offsets
+from pipeline.solver.offset_search.sweep import SetCamera
 from pipeline.solver.offset_search.views import View, views
 from scripts.validation.check_offset_search import random_flight
+from scripts.validation.check_ordinary_flights import drawn
 
 FLIGHT = random_flight(6)
 
@@ -123,3 +125,24 @@ def test_compiled_sums_over_frames_are_those_of_the_plain_ones() -> None:
             scale = np.sqrt(np.maximum(np.diagonal(plain[0]), 1e-9))
             np.testing.assert_allclose(found / scale / scale[:, None], plain / scale / scale[:, None], atol=1e-11)
             assert np.isclose(half_square, cost, rtol=1e-12)
+
+
+def test_videos_that_do_not_overlap_are_no_guess_where_a_motion_is_guessed() -> None:
+    """Two short videos of a car that stops: a parabola fits both best where they never look together."""
+    problem = drawn(6200, "gnss10").problem
+    found = search_offsets(problem, SolverSettings())
+    ends = {c.camera: c.rays.time_s[[0, -1]] for c in problem.cameras}
+    for candidate in found:
+        low = [ends[name][0] + offset for name, offset in candidate.offset_s.items()]
+        high = [ends[name][1] + offset for name, offset in candidate.offset_s.items()]
+        assert min(high) - max(low) > 0.05 * (ends["uav1"][1] - ends["uav1"][0])
+    assert abs(found[0].offset_s["uav2"] - 1.75) < 1.0
+
+
+def test_share_in_which_two_cameras_look_together_is_of_the_shorter() -> None:
+    seen, _ = two_views()
+    low, high = seen[0].span_s
+    placed = [SetCamera(view=seen[0], offset_s=0.0, clock_scale=1.0)]
+    length = high - low
+    mid = np.array([low - length, low, 0.5 * (low + high), high + 0.1 * length])
+    np.testing.assert_allclose(polynomial._together(mid, 0.1 * length, placed), [0.0, 0.5, 1.0, 0.0], atol=1e-9)
