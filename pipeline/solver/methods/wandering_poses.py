@@ -3,7 +3,11 @@
 Where a flight file or an instrument gives a correlation time, the moving part of the error is a Gauss-Markov process of
 that time (`observation/pose_wander.py`), and only what it does between its knots stays new in every frame.
 
-Where nothing is said the flight does, in two ways. An error that lasts hides in motions and clocks, so that it is
+Where nothing is said the measured poses do: what is new in every frame makes them rough (`pose_roughness`). Where they
+are clearly smoother than the claim, the rest of it is taken to last, from the first start on; what nothing makes would
+leave the scene free to shrink, since errors of frames that stand in for parallax cost less the nearer targets are.
+
+Then the flight does, in two ways. An error that lasts hides in motions and clocks, so that it is
 seldom seen itself; but it is missing among what is new in every frame. With A the derivatives of a frame's residuals by
 its pose, r those residuals and S the sigmas of what is new, r ~ N(0, I + A S S A'): where that is clearly likelier with
 smaller S than the instrument's moving part claims, the rest of that part is taken to last. And frames' own errors that
