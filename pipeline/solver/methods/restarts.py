@@ -78,6 +78,20 @@ def is_doubtful(fit: Fit) -> bool:
     return fit.status != "converged" or (factor > DOUBTED and sigmas > SIGMAS)
 
 
+def looks_alone(fit: Fit) -> bool:
+    """Whether some camera looks when no other does: nothing contradicts it then, so that it fits whatever it says."""
+    frames = fit.model.frames
+    time = common_time_s(frames, fit.model.drift, fit.state.camera, fit.state.deviation)
+    seen = frames.seen.any(axis=1)
+    ends = []
+    for c in range(len(frames.cameras)):
+        own = time[frames.of(c)][seen[frames.of(c)]]
+        ends.append((float(own.min()), float(own.max())) if len(own) else (-np.inf, np.inf))
+    return len(ends) > 1 and any(
+        all(low > b or high < a for j, (a, b) in enumerate(ends) if j != i) for i, (low, high) in enumerate(ends)
+    )
+
+
 def best_of(
     first: Settled, beginning: Beginning, tried: tuple[OffsetCandidate, ...], left: tuple[OffsetCandidate, ...],
     settle: Callable[[Fit], Settled],
@@ -95,7 +109,10 @@ def best_of(
         if not is_doubtful(ends[-1][1].fit):
             break
     fits = [(words, end.fit) for words, end in ends]
-    best = min(range(len(ends)), key=lambda i: (is_doubtful(fits[i][1]), _worth(fits[i][1]), i))
+    best = min(
+        range(len(ends)),
+        key=lambda i: (looks_alone(fits[i][1]), is_doubtful(fits[i][1]), _worth(fits[i][1]), i),
+    )
     fit = replace(fits[best][1], iterations=sum(f.iterations for _, f in fits))
     return replace(ends[best][1], fit=fit), (_told(fits, best, failed),)
 

@@ -8,6 +8,7 @@ import pytest
 from pipeline.solver.adjustment.levenberg_marquardt import levenberg_marquardt
 from pipeline.solver.methods import map_estimation, restarts
 from pipeline.solver.methods.restarts import Settled, Start, best_of
+from pipeline.solver.observation.clocks import OFFSET
 from tests.scenes.solver import rich_model
 
 
@@ -44,3 +45,17 @@ def test_an_end_that_converged_is_taken_before_one_whose_cost_is_lower(fit, monk
     best, told = best_of(collapsed, None, (), (), lambda found: Settled(fit=found))
     assert best.fit.status == "converged"
     assert told[0].words.endswith("Taken: other offsets (b +1.00 s)")
+
+
+def test_an_end_in_which_a_camera_looks_alone_is_taken_last(fit, monkeypatch):
+    camera = fit.state.camera.copy()
+    camera[-1, OFFSET] += 1e4
+    alone = replace(fit, status="stalled", linear=replace(fit.linear, state=replace(fit.state, camera=camera)))
+    other = replace(fit, status="iteration-limit")
+    assert restarts.looks_alone(alone)
+    assert not restarts.looks_alone(other)
+    start = Start(words="other offsets (b +1.00 s)", run=lambda: other)
+    monkeypatch.setattr(restarts, "_others", lambda *_: iter([start]))
+    monkeypatch.setattr(restarts, "_worth", lambda found: 0.0 if found.status == "stalled" else 100.0)
+    best, _ = best_of(Settled(fit=alone), None, (), (), lambda found: Settled(fit=found))
+    assert best.fit.status == "iteration-limit"
