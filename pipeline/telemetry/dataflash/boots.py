@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
+from pipeline.telemetry.clocks.boot_clock import IN_ORDER_S, UNKNOWN_BREAK_S, restarts_of
 from pipeline.telemetry.clocks.clock_model import settled
 from pipeline.telemetry.dataflash.tables import clock_field
 from pipeline.telemetry.dataflash.utc import utc_readings
@@ -17,7 +17,7 @@ from pipeline.telemetry.log.tables import MessageTable, RawLog
 def continued(raw: RawLog) -> RawLog:
     """The same messages with times that go on over every boot, and a note for each."""
     places, times = _readings(raw)
-    restart = restarts_of(times)
+    restart = restarts_of(times, IN_ORDER_S)
     if not len(restart):
         return raw
     begins = places[restart]
