@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.geometry import rotation
 from pipeline.telemetry.dataflash.local_position import local_position
 from pipeline.telemetry.dataflash.parameters import parameters_of
-from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, time_of
+from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, receivers_by_turns, time_of
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
@@ -36,7 +36,7 @@ def vehicle_position(raw: RawLog) -> tuple[PositionSeries | None, tuple[str, ...
             continue
         series = _position_of(table, undulation)
         if series.valid.sum() >= 2:
-            return series, notes
+            return series, (*notes, *(receivers_by_turns(raw) if name == "GPS" else ()))
     return None, ()
 
 

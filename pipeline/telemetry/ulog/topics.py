@@ -111,6 +111,16 @@ def _chosen(name: str, instances: dict[str, dict[int, Topic]]) -> Topic:
     return each[min(each)]
 
 
+def several_receivers(instances: dict[str, dict[int, Topic]]) -> tuple[str, ...]:
+    """A note where several receivers have a fix and no topic says which one the estimator follows."""
+    name = next((topic for topic in GPS_TOPICS if topic in instances), "")
+    fixed = [i for i, topic in sorted(instances.get(name, {}).items()) if (floats(topic, "fix_type") >= RECEIVED).any()]
+    if len(fixed) < 2:
+        return ()
+    said = ", ".join(map(str, fixed))
+    return (f"receivers {said} have a fix in {name}; what is said of the receiver is {fixed[0]}'s",)
+
+
 def continue_boots(topics: list[Topic]) -> list[str]:
     """Moves the times of later boots behind those of earlier ones, in the topics themselves, and says so."""
     seconds = [_numbers(t["timestamp"]) / 1e6 for t in topics]
