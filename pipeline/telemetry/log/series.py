@@ -112,6 +112,6 @@ def _order(time_s: Floats) -> Ints | slice:
 
 
 def _unit(q: Floats) -> Floats:
-    length = np.linalg.norm(q, axis=-1, keepdims=True)
-    good = np.abs(length - 1) < 0.05
-    return np.where(good, q / np.where(good, length, 1.0), np.nan)
+    length = np.sqrt(sum(q[:, i] ** 2 for i in range(4)))
+    length[~(np.abs(length - 1) < 0.05)] = np.nan
+    return q / length[:, None]

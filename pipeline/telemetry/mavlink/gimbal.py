@@ -122,16 +122,15 @@ def _device(vehicle: Vehicle, table: MessageTable, body: AttitudeSeries | None) 
     """Quaternions whose flags say what they count from."""
     flags = table.floats("flags")
     frame = frame_of_flags(flags)
-    q = np.asarray(table.columns["q"], float)
-    broken = (whole_numbers(table.floats("failure_flags")) & ENCODER_ERROR) != 0
-    q = np.where(broken[:, None], np.nan, q)
+    q = np.array(table.columns["q"], float)
+    q[(whole_numbers(table.floats("failure_flags")) & ENCODER_ERROR) != 0] = np.nan
     who = AUTOPILOT_NAMES.get(vehicle.autopilot, "")
     own = bool(who) and bool(np.all(table.component == vehicle.component))
     frame, notes = as_outputs(table.name, who, frame, flags, np.full(len(table), own))
     time = log_time_of(vehicle, table)
-    order = np.argsort(time, kind="stable")
     series = gimbal_series(source=table.name, time_s=time, attitude=q, frame=frame)
-    series, north = own_north(series, table.floats("delta_yaw")[order], body)
+    del q
+    series, north = own_north(series, table.floats("delta_yaw")[np.argsort(time, kind="stable")], body)
     series, held = held_frame(series, body, commanded=own)
     return series, [*notes, *north, *held]
 
