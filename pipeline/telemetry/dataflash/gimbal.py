@@ -74,7 +74,8 @@ def _mount(table: MessageTable, body: AttitudeSeries | None) -> tuple[GimbalSeri
     if not any(np.nan_to_num(angle).any() for angle in (roll, pitch, yaw)):
         return None, ["MNT says zero throughout: no mount is attached, it is not used"]
     north = table.floats("YawE")
-    earth = np.isfinite(north) & bool(np.nan_to_num(north).any())  # zero throughout: it was never written
+    unwritten = not np.nan_to_num(north).any() and np.nan_to_num(yaw).any()  # zero throughout beside one that is not
+    earth = np.isfinite(north) & (not unwritten)
     time = time_of(table)
     q = rotation.ned_from_frd(*np.radians([np.where(earth, north, yaw), pitch, roll]))
     series = gimbal_series(source="MNT", time_s=time, attitude=q, frame=np.where(earth, EARTH, HEADING))
