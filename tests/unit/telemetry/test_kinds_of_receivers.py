@@ -16,6 +16,9 @@ from tests.scenes.logs import RECORD_EPOCH_S, Link, definitions, record, turned,
 LAT, LON = 282_000_000, 1_129_000_000
 EXTRA = {
     "MNT": (150, "QBffff", "TimeUS,I,Roll,Pitch,YawB,YawE"),
+    "XKF1": (153, "QBffffff", "TimeUS,C,Roll,Pitch,Yaw,PN,PE,PD"),
+    "XKF4": (154, "QBB", "TimeUS,C,PI"),
+    "ORGN": (155, "QBLLe", "TimeUS,Type,Lat,Lng,Alt"),
     "AHR2": (156, "QffffLL", "TimeUS,Roll,Pitch,Yaw,Alt,Lat,Lng"),
 }
 
@@ -107,6 +110,25 @@ def test_receivers_that_take_over_from_each_other(tmp_path):
     said = "receivers 0 and 1 are in use by turns, 1 changes"
     assert any(said in note for note in flashed(tmp_path / "a.bin", att, one, other).notes)
     assert not any("by turns" in note for note in flashed(tmp_path / "b.bin", att, pos, one, other).notes)
+
+
+def test_cores_that_take_over_from_each_other(tmp_path):
+    """[AP] XKF1.C of two cores 100 m apart, XKF4.PI of the one that flies: no other message has positions."""
+
+    def core(us, i):
+        return b"".join(record("XKF1", us, c, 0.0, 0.0, 90.0, 0.5 * i + 100.0 * c, 0.0, -50.0) for c in (0, 1))
+
+    log = flashed(
+        tmp_path / "a.bin",
+        att,
+        lambda us, i: record("ORGN", us, 0, LAT, LON, 10000) if i == 0 else b"",
+        lambda us, i: b"".join(record("XKF4", us, c, i >= 50) for c in (0, 1)),
+        core,
+    )
+    assert log.position.source == "XKF1"
+    north = np.degrees(log.position.lat_rad - np.radians(28.2)) * 110_830.0
+    np.testing.assert_allclose(north, [0.5 * i + 100.0 * (i >= 50) for i in range(100)], atol=1.0)
+    assert any("changed 1 times (PI)" in note for note in log.notes)
 
 
 def test_the_second_estimator_alone(tmp_path):
