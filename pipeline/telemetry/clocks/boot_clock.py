@@ -125,36 +125,51 @@ def _small_restarts(boot_s: Floats, record_s: Floats, restart: Ints) -> Ints:
     and do not repeat what was said are of another boot.
     """
     found: list[int] = []
-    falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -IN_ORDER_S)
-    for fall in falls[:MOST_SMALL].tolist():
-        begin = max([0, *found[-1:], *restart[: np.searchsorted(restart, fall, side="right")][-1:].tolist()])
-        if begin == fall:
-            continue
-        before = float(boot_s[begin:fall].max())
-        by = before - float(boot_s[fall])
-        if not IN_ORDER_S < by <= REBOOT_S:
-            continue
-        gap = float(record_s[fall] - record_s[fall - 1])  # NaN where there is no recorder
-        rows = boot_s[fall:]
-        again = rows[: np.argmax(rows > before) or len(rows)]
-        borne_out = _late_for_good(boot_s, record_s, begin, fall, by) if np.isfinite(gap) else _climbs(again, before)
-        if borne_out and (gap >= OFF_S or 2 * int(np.isin(again, boot_s[begin:fall]).sum()) < len(again)):
-            found.append(fall)
+    falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -IN_ORDER_S)[:MOST_SMALL]
+    if not len(falls):
+        return np.empty(0, dtype=np.int64)
+    late, begin, top = record_s - boot_s, 0, np.maximum.accumulate(boot_s)
+    anew = set(restart.tolist())
+    for fall in sorted({*falls.tolist(), *anew}):
+        by = float(top[fall - 1] - boot_s[fall]) if fall > begin else 0.0
+        started = fall in anew
+        if not started and IN_ORDER_S < by <= REBOOT_S:
+            gap = float(record_s[fall] - record_s[fall - 1])  # NaN where there is no recorder
+            again = _until_passed(boot_s[fall:], float(top[fall - 1]))
+            punctual = _late_for_good(late, record_s, begin, fall, by) if np.isfinite(gap) else _climbs(again, by)
+            repeats = gap < OFF_S or not np.isfinite(gap)
+            if punctual and not (repeats and 2 * int(np.isin(again, boot_s[begin:fall]).sum()) >= len(again)):
+                found.append(fall)
+                started = True
+        if started:
+            begin, top = fall, top.copy()
+            np.maximum.accumulate(boot_s[fall:], out=top[fall:])
     return np.array(found, dtype=np.int64)
 
 
-def _late_for_good(boot_s: Floats, record_s: Floats, begin: int, fall: int, by_s: float) -> bool:
+def _until_passed(rows_s: Floats, before_s: float) -> Floats:
+    """The first of times (n,) up to the one that passes what was before."""
+    first, step = 0, 64
+    while first < len(rows_s):
+        over = rows_s[first : first + step] > before_s
+        if over.any():
+            return rows_s[: first + int(np.argmax(over))]
+        first, step = first + step, 4 * step
+    return rows_s
+
+
+def _late_for_good(late_s: Floats, record_s: Floats, begin: int, fall: int, by_s: float) -> bool:
     """Whether no reading after a fall is as punctual as before it."""
-    late, at = record_s - boot_s, float(record_s[fall])
+    at = float(record_s[fall])
     first = begin + int(np.searchsorted(record_s[begin:fall], at - AROUND_S))
     stop = fall + int(np.searchsorted(record_s[fall:], at + 3 * AROUND_S, side="right"))
-    before, after = late[min(first, fall - 1) : fall], late[fall : max(stop, fall + 1)]
+    before, after = late_s[min(first, fall - 1) : fall], late_s[fall : max(stop, fall + 1)]
     return bool(np.nanmin(after) - np.nanmin(before) >= LATE_SHARE * by_s)
 
 
-def _climbs(again_s: Floats, before_s: float) -> bool:
+def _climbs(again_s: Floats, by_s: float) -> bool:
     """Whether times after a fall climb slowly: no leap among them takes back half of it."""
-    return len(again_s) > 1 and bool(np.diff(again_s).max() < 0.5 * (before_s - again_s[0]))
+    return len(again_s) > 1 and bool(np.diff(again_s).max() < 0.5 * by_s)
 
 
 def continued(time_s: Floats, other_s: Floats | None = None) -> tuple[Floats, list[tuple[int, float]]]:
