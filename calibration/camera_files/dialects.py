@@ -93,7 +93,7 @@ def _differ(one: object, other: object) -> bool:
     """Whether both are numbers, as many, and not the same."""
     try:
         a, b = (np.ravel(np.asarray(v["data"] if isinstance(v, Mapping) else v, dtype=float)) for v in (one, other))
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return False
     return a.shape == b.shape and not np.allclose(a, b, rtol=1e-9, atol=0, equal_nan=True)
 
@@ -107,7 +107,9 @@ def _numbers(key: str, value: object) -> Floats:
         value = data
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        if isinstance(value, bool) or np.asarray(value).dtype == bool:
+            raise TypeError
+    except (TypeError, ValueError, OverflowError):
         raise NotACamera(key, f"not numbers: {str(value)[:60]}", "numbers only") from None
     if not np.isfinite(array).all():
         raise NotACamera(key, "NaN or infinite values", "finite numbers")
@@ -126,7 +128,7 @@ def _lens(fields: Mapping[str, Any]) -> Lens:
         elif flag is not None:
             said["pinhole"] = key
     for key in ("distortion_model", "camera_model", "model"):
-        name = str(fields.get(key) or "").strip().lower()
+        name = str("" if fields.get(key) is None else fields[key]).strip().lower()
         if name not in LENSES:
             raise NotACamera(key, repr(fields[key]), "pinhole (plumb_bob, radtan, rational_polynomial) or fisheye")
         if name not in SAYS_LITTLE:

@@ -8,7 +8,6 @@ plain numpy.
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib
 import os
 from collections.abc import Callable
@@ -40,6 +39,8 @@ def _imported(name: str) -> Any:
 
 def stamp(extension: Any) -> str:
     """A hash of the files as they now lie beside an extension that names them."""
+    import hashlib  # where there is an extension: it takes a hundredth of a second
+
     digest = hashlib.sha256()
     for name in extension.files.split():
         try:

@@ -1,28 +1,23 @@
-"""Read any flight log: the file's kind is told by its first bytes and its name."""
+"""Read any flight log: the file's kind is told by its first bytes and its name.
+
+What reads one format is imported where a log of it is read: all of them take a quarter of a second.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calibration.foundation.compiled import AVAILABLE
 from calibration.foundation.errors import InputFileError
 from pipeline.telemetry.clocks.own_clock import with_clock_notes
-from pipeline.telemetry.dataflash.flight import dataflash_flight
-from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
-from pipeline.telemetry.excerpts.excerpt import Excerpt, PieceReader, read_excerpts
-from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
-from pipeline.telemetry.flight_records.flight import is_flight_record, read_flight_record
-from pipeline.telemetry.klv.flight import read_klv
-from pipeline.telemetry.klv.transport import is_transport
 from pipeline.telemetry.log.flight_log import FlightLog, LogFormat
 from pipeline.telemetry.log.mapped_file import mapped
 from pipeline.telemetry.log.tables import Progress, RawLog
 from pipeline.telemetry.log.validity import with_validity_notes
-from pipeline.telemetry.mavlink.flight import mavlink_flight
-from pipeline.telemetry.mavlink.packets.names import FIELDS
-from pipeline.telemetry.subtitles.dji import read_dji_srt
-from pipeline.telemetry.subtitles.in_video import VIDEO_NAMES
-from pipeline.telemetry.ulog.flight import read_ulog
+
+if TYPE_CHECKING:
+    from pipeline.telemetry.excerpts.excerpt import Excerpt, PieceReader
 
 KNOWN = ".tlog, .mavlink, .bin, .log, .ulg, .srt, .ts with metadata, .csv of AirData or DJI"
 MAVLINK_NAMES: dict[str, LogFormat] = {".tlog": "tlog", ".mavlink": "mavlink", ".mav": "mavlink"}
@@ -58,24 +53,39 @@ def _read(
     path: Path, system: int | None, gimbal: int | None, dialect: str, excerpts: tuple[Excerpt, ...], progress: Progress
 ) -> FlightLog:
     kind = log_format(path)
-    reader = _piece_reader(path, kind, system, gimbal, dialect) if excerpts else None
-    excerpt = None if reader is None else read_excerpts(reader, excerpts)
-    if excerpt is not None:
-        return excerpt
+    if excerpts:
+        from pipeline.telemetry.excerpts.excerpt import read_excerpts
+
+        reader = _piece_reader(path, kind, system, gimbal, dialect)
+        excerpt = None if reader is None else read_excerpts(reader, excerpts)
+        if excerpt is not None:
+            return excerpt
     match kind:
         case "tlog" | "mavlink":
+            from pipeline.telemetry.mavlink.flight import mavlink_flight
+
             return mavlink_flight(read_mavlink(path, dialect=dialect, progress=progress), system=system, gimbal=gimbal)
+        case "dataflash" | "dataflash text":
+            from pipeline.telemetry.dataflash.flight import dataflash_flight
+            from pipeline.telemetry.dataflash.messages.read import read_dataflash, read_dataflash_text
+
+            raw = (read_dataflash if kind == "dataflash" else read_dataflash_text)(path, progress=progress)
+            return dataflash_flight(raw, gimbal=gimbal)
         case "ulog":
+            from pipeline.telemetry.ulog.flight import read_ulog
+
             return read_ulog(path, gimbal=gimbal, progress=progress)
-        case "dataflash":
-            return dataflash_flight(read_dataflash(path, progress=progress), gimbal=gimbal)
-        case "dataflash text":
-            return dataflash_flight(read_dataflash_text(path, progress=progress), gimbal=gimbal)
         case "dji srt":
+            from pipeline.telemetry.subtitles.dji import read_dji_srt
+
             return read_dji_srt(path, progress=progress)
         case "flight record":
+            from pipeline.telemetry.flight_records.flight import read_flight_record
+
             return read_flight_record(path, progress=progress)
         case "misb klv":
+            from pipeline.telemetry.klv.flight import read_klv
+
             return read_klv(path, system=system, progress=progress)
 
 
@@ -91,6 +101,10 @@ def log_format(path: Path) -> LogFormat:
     for known, begin in HEADS.items():
         if head.startswith(begin):
             return known
+    from pipeline.telemetry.flight_records.flight import is_flight_record
+    from pipeline.telemetry.klv.transport import is_transport
+    from pipeline.telemetry.subtitles.in_video import VIDEO_NAMES
+
     if is_transport(data):
         return "misb klv"
     if kind in VIDEO_NAMES:
@@ -111,6 +125,8 @@ def _piece_reader(
     path: Path, kind: LogFormat, system: int | None, gimbal: int | None, dialect: str
 ) -> PieceReader | None:
     """How the log is read in pieces; None where its format never is."""
+    from pipeline.telemetry.excerpts.formats import dataflash_pieces, tlog_pieces
+
     if kind == "tlog" and AVAILABLE and not dialect:
         return tlog_pieces(path, system=system, gimbal=gimbal)
     return dataflash_pieces(path, gimbal=gimbal) if kind == "dataflash" else None
@@ -118,8 +134,9 @@ def _piece_reader(
 
 def read_mavlink(path: Path, *, dialect: str = "", progress: Progress = None) -> RawLog:
     """A MAVLink log, by the compiled reader where numba is installed, else, or in another dialect, by pymavlink's."""
-    if AVAILABLE and not dialect:  # imported here: neither is needed, nor quick to import, for other logs
+    if AVAILABLE and not dialect:
         from pipeline.telemetry.mavlink.packets.fast import read_mavlink_fast
+        from pipeline.telemetry.mavlink.packets.names import FIELDS
 
         return read_mavlink_fast(path, fields=FIELDS, progress=progress)
     from pipeline.telemetry.mavlink.packets.plain import read_mavlink_plain

@@ -33,8 +33,8 @@ import pipeline.cli.calibrate
 import pipeline.cli.flights
 import pipeline.report  # noqa: F401  # all that a command imports
 from pipeline.cli.main import main as cli
+from scripts.validation.check_batch import Kind
 from scripts.validation.check_resume import contents, example
-from scripts.validation.drawn_flights import draw, write
 from scripts.validation.figures import tell
 
 COMMANDS = ("run", "solve", "track", "calibrate", "batch")
@@ -42,6 +42,8 @@ MINE = "trajectory-notes.txt"
 LEAST_S = 0.01
 FRAMES, OFFSET_S = 90, 1.6
 """Of the example that are used, and by which its second camera began later."""
+SMALL = Kind(length_s=4.0, targets=1, offsets=True)
+"""The flights of a batch."""
 Compared = Callable[[Path], object]
 
 
@@ -53,7 +55,7 @@ def prepare(folder: Path, wanted: list[str]) -> dict[str, Path]:
         found["flight"] = shortened(folder / "flight/flight.toml", folder)
     if "batch" in wanted:
         for number in range(2):
-            write(draw(70000 + number, cameras=2, targets=1, length_s=4.0), folder / "many" / f"drawn-{number}")
+            SMALL.write(70000 + number, folder / "many" / f"drawn-{number}")
         found["many"] = folder / "many"
     return found
 

@@ -156,33 +156,87 @@ def check_dataflash(path: Path) -> Tally:
     return tally
 
 
-Messages = dict[tuple[int, str], dict[str, Any]]
-"""Place and name of each message -> its values."""
+Keys = set[tuple[int, str]]
+"""Place and name of each message."""
 
 
-def our_messages(path: Path, names: set[str]) -> Messages:
-    """What our reader finds; none where it refuses."""
+@dataclass(frozen=True, kw_only=True)
+class Whole:
+    """The whole log: our tables, each value the same as DFReader's, as `check_dataflash` has told; and its layouts."""
+
+    tables: Mapping[str, MessageTable]
+    rows: Mapping[str, Mapping[int, int]]
+    kinds: Mapping[int, Layout]
+
+    @property
+    def keys(self) -> Keys:
+        """Every message."""
+        return {(place, name) for name, places in self.rows.items() for place in places}
+
+
+def our_tables(path: Path, names: set[str]) -> Mapping[str, MessageTable]:
+    """What our reader finds; nothing where it refuses."""
     try:
-        tables = read_dataflash(path, wanted=tuple(names)).tables
+        return read_dataflash(path, wanted=tuple(names)).tables
     except InputFileError:
         return {}
-    found: Messages = {}
+
+
+def ours_good(tables: Mapping[str, MessageTable], true: Whole) -> Keys:
+    """Our true messages: those with most of the true fields, and true values in all of these."""
+    found: Keys = set()
     for name, table in tables.items():
-        columns = {field: column.tolist() for field, column in table.columns.items()}
-        for row, place in enumerate(table.place.tolist()):
-            found[place, name] = {field: column[row] for field, column in columns.items()}
+        its = true.tables.get(name)
+        if its is None:
+            continue
+        mine, theirs = (np.asarray(part) for part in np.intersect1d(table.place, its.place, return_indices=True)[1:])
+        common = table.columns.keys() & its.columns.keys()
+        if not len(mine) or 2 * len(common) < len(its.columns):
+            continue
+        same = np.ones(len(mine), dtype=np.bool_)
+        for field in common:
+            same &= same_column(table.columns[field][mine], its.columns[field][theirs])
+        found |= {(int(place), name) for place in table.place[mine[same]]}
     return found
 
 
-def good(found: Messages, true: Messages) -> set[tuple[int, str]]:
-    """The true ones among messages: those with most of the true fields, and true values in all of these."""
-    return {key for key, its in found.items() if key in true and bears_out(its, true[key])}
+def same_column(one: Any, other: Any) -> Any:
+    """Which rows of two columns are one."""
+    if one.dtype == other.dtype and one.shape == other.shape and one.dtype.kind != "S":
+        same = (one == other) | ((one != one) & (other != other))
+        return same if same.ndim == 1 else same.reshape(len(same), -1).all(axis=1)
+    return np.array([same_value(a, b) for a, b in zip(one.tolist(), other.tolist(), strict=True)], dtype=np.bool_)
 
 
-def bears_out(its: dict[str, Any], true: dict[str, Any]) -> bool:
+def theirs_good(found: list[tuple[int, Any]], true: Whole) -> Keys:
+    """DFReader's true messages, told in the same way.
+
+    What it makes of the same bytes by the same definition are the same values: only others are held against ours.
+    """
+    good: Keys = set()
+    as_before: dict[int, bool] = {}
+    for place, message in found:
+        name = message.get_type()
+        row = true.rows.get(name, {}).get(place)
+        if row is None:
+            continue
+        fmt = message.fmt
+        if id(fmt) not in as_before:
+            known = true.kinds.get(fmt.type)
+            as_before[id(fmt)] = known is not None and (known.name, known.length, known.letters, known.fields) == (
+                fmt.name, fmt.len, fmt.format, tuple(fmt.columns)
+            )  # fmt: skip
+        if as_before[id(fmt)] or bears_out(fields_of(message), true.tables[name], row):
+            good.add((place, name))
+    return good
+
+
+def bears_out(its: dict[str, Any], true: MessageTable, row: int) -> bool:
     """Whether values under true names are true."""
-    common = its.keys() & true.keys()
-    return 2 * len(common) >= len(true) and all(same_value(its[name], true[name]) for name in common)
+    common = its.keys() & true.columns.keys()
+    return 2 * len(common) >= len(true.columns) and all(
+        same_value(its[name], true.columns[name][row]) for name in common
+    )
 
 
 def same_value(one: Any, other: Any) -> bool:
@@ -224,21 +278,24 @@ def broken_dataflash(whole: bytes, rng: np.random.Generator) -> tuple[bytes, int
 def check_broken_dataflash(path: Path, folder: Path, runs: int) -> Counter[str]:
     """Good messages of both readers over `runs` broken definitions, and in how many ours finds fewer, or wrong ones."""
     whole, tally = path.read_bytes(), Counter[str]()
-    names = {layout.name for layout in layouts_of(whole, upto=len(whole)).values()}
-    true = our_messages(path, names)  # each the same as DFReader's, as `check_dataflash` has told
+    kinds = layouts_of(whole, upto=len(whole))
+    names = {layout.name for layout in kinds.values()}
+    tables = our_tables(path, names)
+    true = Whole(tables=tables, rows=rows_by_place(dict(tables)), kinds=kinds)
+    every = true.keys
     for run in range(runs):
         content, place = broken_dataflash(whole, np.random.default_rng([run, SEED]))
         broken = folder / "broken.bin"
         broken.write_bytes(content)
-        rest = {key: values for key, values in true.items() if key != (place, "FMT")}  # that one says something else
+        rest = every - {(place, "FMT")}  # that one says something else
         changed = {layout.name for layout in layouts_of(content, upto=len(content)).values()}
-        ours = our_messages(broken, names | changed)
-        theirs: Messages = {(at, m.get_type()): fields_of(m) for at, m in dfreader_messages(broken)}
-        mine, its = good(ours, rest), good(theirs, rest)
+        ours, theirs = our_tables(broken, names | changed), dfreader_messages(broken)
+        mine, its = ours_good(ours, true) & rest, theirs_good(theirs, true) & rest
+        own = {(int(at), name) for name, table in ours.items() for at in table.place} & rest
         fewer = its - mine if len(mine) < len(its) else set()
         tally += Counter({"runs": 1, "ours": len(mine), "theirs": len(its), "fewer": int(bool(fewer)),
-                          "ours wrong": len(ours.keys() & rest.keys()) - len(mine),
-                          "theirs wrong": len(theirs.keys() & rest.keys()) - len(its)})  # fmt: skip
+                          "ours wrong": len(own) - len(mine),
+                          "theirs wrong": len({(at, m.get_type()) for at, m in theirs} & rest) - len(its)})  # fmt: skip
         if fewer:
             print(f"    run {run}: {len(mine)} of ours, {len(its)} of DFReader's; lacking {sorted(fewer)[:3]}")
     return tally

@@ -271,6 +271,12 @@ CHECKS = (
         says="the same on a local Dask cluster",
     ),
     Check(
+        name="hour",
+        module="check_hour",
+        minutes=30,
+        says="an hour of two videos with twenty targets through `runningfix run`: memory over time, seconds",
+    ),
+    Check(
         name="kills",
         module="check_kills",
         arguments=("--kills", "100"),

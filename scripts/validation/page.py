@@ -367,6 +367,15 @@ ROWS = (
         for check, how in (("batch", "on all cores"), ("batch-cluster", "on a cluster"))
     ),
     Row(
+        check="hour",
+        what="an hour of two videos, twenty targets that cross them, `runningfix run`",
+        words=lambda f: (
+            f"{f['greatest_mb']:.0f} MB at most, while tracking {f['stage_mb'].get('track', 0):.0f} MB (second half "
+            f"over first {f['growth']:.2f}); {f['seconds'] / 60:.0f} minutes at {f['rate_hz']:g} Hz; error over claim "
+            f"{f['error_over_claim']:.2f}"
+        ),
+    ),
+    Row(
         check="kills",
         what="commands killed at random, results that differ from undisturbed ones",
         words=lambda f: "; ".join(

@@ -122,6 +122,13 @@ def test_calibration_of_another_image_size(capsys, flight):
     assert "320 x 180" in said
 
 
+def test_a_calibration_without_an_image_size(capsys, flight):
+    path = flight.parent / "uav1.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "image_size": None}))
+    assert main(["solve", str(flight), "-o", str(flight.parent / "out"), "--quiet"]) == 0
+    assert (flight.parent / "out/report.html").exists()
+
+
 def test_truncated_calibration(capsys, flight):
     lens = flight.parent / "uav1.json"
     lens.write_text(lens.read_text()[:60])

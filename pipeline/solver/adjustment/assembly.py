@@ -11,17 +11,24 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.solver.adjustment import _assembly, _kernels
 from pipeline.solver.adjustment.banded_system import Bordered
-from pipeline.solver.adjustment.elimination import At, BlockNormals, block_normals, frame_steps
+from pipeline.solver.adjustment.elimination import (
+    At,
+    BlockNormals,
+    block_normals,
+    blocks_within,
+    frame_steps,
+    local_size,
+)
 from pipeline.solver.adjustment.known_rows import add_known
-from pipeline.solver.adjustment.model import Model, State, drift_penalty, jerk_penalty
+from pipeline.solver.adjustment.model import Model, Order, State, drift_penalty, jerk_penalty
 from pipeline.solver.observation.clocks import FOCAL, common_time_s
 from pipeline.solver.observation.frame_blocks import Blocks, partition
 
 CHUNK_BLOCKS = 4096
-"""Blocks whose normal equations are held at once; one of four targets with splines takes 28 kB."""
+"""Most blocks whose normal equations are held at once; one of four targets with splines takes 28 kB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +88,8 @@ def linear(model: Model, state: State) -> Linear:
     """Normal equations and cost at `state`: one pass over the frames, some blocks at a time to bound the memory."""
     blocks, at = blocks_at(model, state)
     count = len(blocks.camera)
-    ranges = [(low, min(low + CHUNK_BLOCKS, count)) for low in range(0, count, CHUNK_BLOCKS)]
+    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
+    ranges = [(low, min(low + chunk, count)) for low in range(0, count, chunk)]
     whole, cost, gain, kept = None, 0.0, 0.0, None
     for low, high in ranges:
         part, at_part = part_of(blocks, at, low, high)
@@ -120,11 +128,35 @@ def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
     return part, replace(at, series=at.series[own], bias=at.bias[own])
 
 
+def blocks_at_once(model: Model, blocks: Blocks, most: int) -> int:
+    """How many blocks' matrices may be held at once, `most` at most."""
+    return min(most, blocks_within(local_size(len(model.basis.targets), model.basis.degree, blocks)))
+
+
+def _seen(model: Model, blocks: Blocks) -> Bools:
+    """(B, N) whether a frame of a block sees a target."""
+    begin = blocks.begin - blocks.begin[0]
+    counted = np.cumsum(model.frames.seen[blocks.begin[0] : blocks.begin[-1]], axis=0)
+    counted = np.concatenate([np.zeros_like(counted[:1]), counted])
+    return np.asarray(counted[begin[1:]] > counted[begin[:-1]])
+
+
+def width_of(order: Order, places: Ints) -> int:
+    """The band's width for blocks of `places` (B, G): as far apart as two of its unknowns are in one block."""
+    inside = (places >= 0) & (places < order.n_band)
+    high, low = np.where(inside, places, -1).max(axis=1), np.where(inside, places, order.n_band).min(axis=1)
+    return max(order.width, int((high - low).max(initial=0)))
+
+
 def global_places(model: Model, blocks: Blocks) -> Ints:
-    """(B, G) where the block's targets' acting coefficients (target, axis, coefficient) and 13 parameters sit."""
-    order, parts = model.order, []
-    for t in model.basis.targets:
+    """(B, G) where the block's targets' acting coefficients (target, axis, coefficient) and 13 parameters sit.
+
+    -1 where they are held, and for targets that no frame of the block sees.
+    """
+    order, parts, seen = model.order, [], _seen(model, blocks)
+    for n, t in enumerate(model.basis.targets):
         acting = order.coefficient[t.active[blocks.span][:, None] + np.arange(t.degree + 1)]
+        acting = np.where(seen[:, n, None, None], acting, -1)
         parts.append(np.swapaxes(acting, 1, 2).reshape(len(blocks.camera), -1))
     parts.append(order.camera[blocks.camera])
     knots = np.full((len(blocks.camera), 2), -1, dtype=np.int64)
@@ -161,9 +193,10 @@ def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
     if not _kernels.AVAILABLE:
         return assemble_plain(model, blocks, normals)
     order, basis = model.order, model.basis
+    places = global_places(model, blocks)
     band, border, corner, gradient = _assembly.assemble(
         normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
-        global_places(model, blocks), order.n_band, order.n_border, order.width,
+        places, order.n_band, order.n_border, width_of(order, places),
     )  # fmt: skip
     return Bordered(band=band, border=border, corner=corner, gradient=gradient)
 
@@ -171,12 +204,13 @@ def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
 def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
     """The same in numpy only."""
     order = model.order
-    n, q, w = order.n_band, order.n_border, order.width
+    places = global_places(model, blocks)
+    n, q, w = order.n_band, order.n_border, width_of(order, places)
     band, border, corner = np.zeros((w + 1) * n), np.zeros(n * q), np.zeros(q * q)
     gradient = np.zeros(n + q)
-    places = global_places(model, blocks)
-    for low in range(0, len(blocks.camera), CHUNK_BLOCKS):
-        high = min(low + CHUNK_BLOCKS, len(blocks.camera))
+    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
+    for low in range(0, len(blocks.camera), chunk):
+        high = min(low + chunk, len(blocks.camera))
         chain = local_from_global(model, blocks, low, high)
         turned = np.swapaxes(chain, 1, 2)
         matrix = turned @ normals.normal[low:high] @ chain

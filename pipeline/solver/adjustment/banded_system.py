@@ -45,11 +45,13 @@ class Bordered:
         return np.concatenate([self.band[0], np.diagonal(self.corner)])
 
     def plus(self, other: Bordered) -> Bordered:
-        """The sum of two systems of the same unknowns, in the memory of this one."""
+        """The sum of two systems of the same unknowns, in the memory of the wider one."""
+        if len(self.band) < len(other.band):
+            return other.plus(self)
+        self.band[: len(other.band)] += other.band
         for mine, theirs in zip(
-            (self.band, self.border, self.corner, self.gradient),
-            (other.band, other.border, other.corner, other.gradient), strict=True,
-        ):  # fmt: skip
+            (self.border, self.corner, self.gradient), (other.border, other.corner, other.gradient), strict=True
+        ):
             mine += theirs
         return self
 

@@ -28,6 +28,9 @@ from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.residuals import Linearised, linearise, place_shift
 
 CHUNK_FRAMES = 2048
+CHUNK_BYTES = 4096 * 28_000
+"""Of blocks' matrices that are held at once; of four targets with splines one takes 28 kB, of twenty half a megabyte.
+Twice as many are not quicker."""
 KEPT_NUMBERS, LARGE_PAGES = 25_000_000, 8_000_000
 """200 MB: beyond, the frames' steps are computed anew instead of kept. 64 MB: up to there in large pages."""
 POPULATE_WRITE = 23
@@ -182,11 +185,11 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
 def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
     """See the head of this file; numpy only."""
     n_blocks, n_targets, degree = len(blocks.camera), len(frames.targets), at.series.shape[-1] - 1
-    size = 3 * n_targets * (degree + 1) + blocks.local_from_camera.shape[1]
+    size = local_size(n_targets, degree, blocks)
     normal, gradient = np.zeros((n_blocks, size, size)), np.zeros((n_blocks, size))
     powers, place = _local_powers(n_targets, degree, at.placed)
     cost = gain = 0.0
-    for low, high in _chunks(blocks):
+    for low, high in _chunks(blocks, size):
         part, J, r, H, E, h, own_cost = _weighted(frames, pose, loss, at, blocks, low, high)
         solved = np.linalg.solve(H, np.concatenate([E, h[..., None]], axis=-1))
         Jt = np.swapaxes(J, 1, 2)
@@ -217,15 +220,25 @@ def _local_powers(n_targets: int, degree: int, placed: bool = False) -> tuple[In
     return powers, place
 
 
-def _chunks(blocks: Blocks) -> list[tuple[int, int]]:
-    """Block ranges of about CHUNK_FRAMES frames, which bounds the memory."""
-    out, low = [], 0
+def _chunks(blocks: Blocks, size: int) -> list[tuple[int, int]]:
+    """Block ranges of about CHUNK_FRAMES frames, and of CHUNK_BYTES of matrices of `size`: both bound the memory."""
+    out, low, most = [], 0, blocks_within(size)
     while low < len(blocks.camera):
         high = int(np.searchsorted(blocks.begin, blocks.begin[low] + CHUNK_FRAMES, side="right")) - 1
-        high = max(high, low + 1)
+        high = max(min(high, low + most), low + 1)
         out.append((low, high))
         low = high
     return out
+
+
+def blocks_within(size: int) -> int:
+    """How many matrices of `size` may be held at once."""
+    return max(1, CHUNK_BYTES // (8 * size * size))
+
+
+def local_size(targets: int, degree: int, blocks: Blocks) -> int:
+    """Local unknowns of a block: every target's power series by axis, and the columns that cameras' parameters move."""
+    return 3 * targets * (degree + 1) + int(blocks.local_from_camera.shape[1])
 
 
 def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
@@ -233,7 +246,7 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
     out = np.zeros((frames.count, 6))
     n_targets, degree = len(frames.targets), at.series.shape[-1] - 1
     powers, place = _local_powers(n_targets, degree, at.placed)
-    for low, high in _chunks(blocks):
+    for low, high in _chunks(blocks, local_size(n_targets, degree, blocks)):
         part, _, _, H, E, h, _ = _weighted(frames, pose, loss, at, blocks, low, high)
         scaled = step[_frame_index(blocks, low, high)] * blocks.u[part][:, None] ** powers
         dz = np.zeros((len(scaled), int(place.max()) + 1))
@@ -300,7 +313,8 @@ def frame_steps(
     if kept is not None:
         _kernels.kept_steps(kept, rated, rolled, at.placed, pose.spread, runs, at.series, step, out, out)
         return out
-    for low, high in _chunks(blocks):
+    size = local_size(len(frames.targets), at.series.shape[-1] - 1, blocks)
+    for low, high in _chunks(blocks, size):
         part = Runs(runs.begin[low : high + 1], runs.camera[low:high], runs.u, runs.half_s[low:high])
         own = kept_room(frames, part.begin, at.placed, ANY)
         series = at.series[low:high]

@@ -10,7 +10,7 @@ from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.solver.adjustment.elimination import Loss, PoseError
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, Drift, common_time_s
 from pipeline.solver.observation.known_motion import KnownMotion
-from pipeline.solver.observation.motion_basis import MotionBasis, jerk_rows
+from pipeline.solver.observation.motion_basis import MotionBasis, covered, jerk_rows
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.pose_wander import PoseWander
 from pipeline.solver.observation.residuals import linearise, place_shift
@@ -166,15 +166,19 @@ def order_unknowns(
 
 
 def _band_width(basis: MotionBasis, coefficient: Ints, n_band: int) -> int:
-    """How far apart two unknowns of the band can be that act in one span."""
+    """How far apart two unknowns of the band can be that act in one span which the knots of both cover.
+
+    What is seen beyond a target's knots, as clocks move, may reach further (`assembly.width_of`).
+    """
     if not n_band:
         return 0
     low = np.full(len(basis.grid_s) - 1, n_band)
     high = np.zeros(len(basis.grid_s) - 1, dtype=np.int64)
     for t in basis.targets:
         if t.kind == "spline":
-            acting = coefficient[t.active[:, None] + np.arange(t.degree + 1)].reshape(len(low), -1)
-            low, high = np.minimum(low, acting.min(axis=1)), np.maximum(high, acting.max(axis=1))
+            own = np.flatnonzero(covered(basis, t))
+            acting = coefficient[t.active[own][:, None] + np.arange(t.degree + 1)].reshape(len(own), -1)
+            low[own], high[own] = np.minimum(low[own], acting.min(axis=1)), np.maximum(high[own], acting.max(axis=1))
     return int((high - low).max())
 
 

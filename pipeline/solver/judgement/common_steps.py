@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global, part_of
+from pipeline.solver.adjustment.assembly import blocks_at, blocks_at_once, global_places, local_from_global, part_of
 from pipeline.solver.adjustment.banded_system import Factor
 from pipeline.solver.adjustment.elimination import At, block_normals
 from pipeline.solver.adjustment.model import Model, State
@@ -39,15 +39,15 @@ def common_steps(model: Model, state: State, factor: Factor) -> tuple[Sequence, 
 
 
 def _of_camera(model: Model, factor: Factor, blocks: Blocks, at: At, c: int) -> Sequence | None:
-    frames = model.frames
-    begin, sums = _from_the_end(model, blocks, at, c)
-    mine = frames.of(c)
+    frames, mine = model.frames, model.frames.of(c)
+    rows = np.flatnonzero(blocks.camera == c)
+    begin = blocks.begin[:-1][rows]
     margin = 0.04 * (mine.stop - mine.start)
     inside = np.flatnonzero((begin > mine.start + margin) & (begin < mine.stop - margin))
     places = inside[np.unique(np.linspace(0, len(inside) - 1, min(PLACES, len(inside))).round().astype(np.int64))]
     if not len(places):
         return None
-    gradient, normal, coupling = (each[places] for each in sums)
+    gradient, normal, coupling = _from_the_end(model, blocks, at, rows, places)
     size = coupling.shape[2]
     taken = factor.solve(coupling.transpose(2, 0, 1).reshape(size, -1)).reshape(size, len(places), 6)
     rest = normal - np.einsum("pin,npj->pij", coupling, taken)
@@ -79,24 +79,26 @@ def _square(gradient: Floats, rest: Floats, whole: Floats) -> float:
     return float(((vector[:, seen].T @ (gradient * scale)) ** 2 / value[seen]).sum())
 
 
-def _from_the_end(model: Model, blocks: Blocks, at: At, c: int) -> tuple[Ints, tuple[Floats, Floats, Floats]]:
-    """First frames of a camera's blocks, and from each on to the camera's end: gradient (b, 6), normal matrix (b, 6, 6)
-    and coupling with all unknowns (b, 6, n + q) of a change of pose."""
-    rows = np.flatnonzero(blocks.camera == c)
+def _from_the_end(model: Model, blocks: Blocks, at: At, rows: Ints, places: Ints) -> tuple[Floats, Floats, Floats]:
+    """From each of `places` among a camera's blocks `rows` on to the camera's end: gradient (k, 6), normal matrix
+    (k, 6, 6) and coupling with all unknowns (k, 6, n + q) of a change of pose; memory does not grow with the blocks."""
     first = 3 * (model.basis.degree + 1) * len(model.basis.targets)
     pose = slice(first, first + 6)
     size = model.order.n_band + model.order.n_border
-    gradient, normal, coupling = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6)), np.zeros((len(rows), 6, size))
-    for low in range(0, len(rows), CHUNK_BLOCKS):
-        high = min(low + CHUNK_BLOCKS, len(rows))
+    sums = np.zeros(6), np.zeros((6, 6)), np.zeros((6, size))
+    out = tuple(np.zeros((len(places), *each.shape)) for each in sums)
+    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
+    for low in reversed(range(0, len(rows), chunk)):
+        high = min(low + chunk, len(rows))
         part, at_part = part_of(blocks, at, int(rows[low]), int(rows[high - 1]) + 1)
         normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
-        gradient[low:high] = normals.gradient[:, pose]
-        normal[low:high] = normals.normal[:, pose, pose]
         chained = normals.normal[:, pose] @ local_from_global(model, part, 0, high - low)
-        places = global_places(model, part)
-        for k in range(high - low):
-            there = places[k] >= 0
-            coupling[low + k][:, places[k][there]] = chained[k][:, there]
-    backwards = tuple(np.cumsum(each[::-1], axis=0)[::-1] for each in (gradient, normal, coupling))
-    return blocks.begin[:-1][rows], backwards  # type: ignore[return-value]
+        where = global_places(model, part)
+        for k in reversed(range(high - low)):
+            there = where[k] >= 0
+            sums[0][:] += normals.gradient[k, pose]
+            sums[1][:] += normals.normal[k, pose, pose]
+            sums[2][:, where[k][there]] += chained[k][:, there]
+            for kept, each in zip(out, sums, strict=True):
+                kept[places == low + k] = each
+    return out  # type: ignore[return-value]

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry.splines import acting
 from pipeline.records import Motion
 from pipeline.records.motion import MotionKind
@@ -180,10 +180,15 @@ def jerk_rows(basis: MotionBasis, target: TargetBasis) -> tuple[Ints, Floats, In
 
     Returns the first acting coefficient (p,), the row (p, 4) and the span (p,), for the spans that its knots cover.
     """
-    covered = (basis.mid_s > target.knots_s[0]) & (basis.mid_s < target.knots_s[-1])
-    half = basis.half_s[covered]
-    row = target.transform[covered, SPLINE_DEGREE, :] * (6 / half**3 * np.sqrt(2 * half))[:, None]
-    return target.active[covered], np.asarray(row), np.flatnonzero(covered)
+    own = covered(basis, target)
+    half = basis.half_s[own]
+    row = target.transform[own, SPLINE_DEGREE, :] * (6 / half**3 * np.sqrt(2 * half))[:, None]
+    return target.active[own], np.asarray(row), np.flatnonzero(own)
+
+
+def covered(basis: MotionBasis, target: TargetBasis) -> Bools:
+    """(S,) the spans that a target's knots cover; in the others its end pieces go on."""
+    return np.asarray((basis.mid_s > target.knots_s[0]) & (basis.mid_s < target.knots_s[-1]))
 
 
 def bernstein_from_powers(order: int) -> Floats:

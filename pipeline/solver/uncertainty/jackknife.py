@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.assembly import blocks_at, global_places, local_from_global, part_of
+from pipeline.solver.adjustment.assembly import blocks_at, blocks_at_once, global_places, local_from_global, part_of
 from pipeline.solver.adjustment.elimination import block_normals
 from pipeline.solver.adjustment.model import Model, State
 
@@ -47,8 +47,9 @@ def freed(
     blocks, at = blocks_at(model, state, cluster)
     begin = np.searchsorted(blocks.cluster, np.arange(int(cluster.max()) + 2))
     n, low = model.order.n_band, 0
+    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
     while low < len(begin) - 1:
-        high = max(low + 1, int(np.searchsorted(begin, begin[low] + CHUNK_BLOCKS, side="right")) - 1)
+        high = max(low + 1, int(np.searchsorted(begin, begin[low] + chunk, side="right")) - 1)
         part, at_part = part_of(blocks, at, int(begin[low]), int(begin[high]))
         normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
         chain = local_from_global(model, part, 0, len(part.camera))

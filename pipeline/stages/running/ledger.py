@@ -219,8 +219,9 @@ def writing(out: Path) -> Iterator[Ledger]:
     A folder in which nothing was written goes away again. Raises WriteError where another process writes there, or
     nobody can.
     """
+    above = () if ".." in out.parts else out.parents  # where a name goes up again, the way there has to stay
     with _writing(out):
-        fresh = [path for path in (out / FOLDER, out, *out.parents) if not path.exists()]
+        fresh = [path for path in (out / FOLDER, out, *above) if not path.exists()]
         (out / FOLDER).mkdir(parents=True, exist_ok=True)
     try:
         with locked(out / FOLDER / "lock"):
@@ -263,7 +264,8 @@ def _texts(content: object) -> tuple[str, ...]:
 def _inside(name: str) -> bool:
     """Whether a name of the ledger leads into the folder: a ledger from elsewhere must not reach out of it."""
     path = PurePosixPath(name)
-    return bool(name) and not path.is_absolute() and ".." not in path.parts and "\0" not in name and "\\" not in name
+    plain = not any(c in "\0\\" or "\ud800" <= c <= "\udfff" for c in name)
+    return bool(name) and plain and not path.is_absolute() and ".." not in path.parts
 
 
 def _is_part(entry: Mapping[str, Any]) -> bool:

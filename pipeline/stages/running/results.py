@@ -83,7 +83,7 @@ def gather_results(
         trajectories=tuple(sample(m, flight.solve.rate_hz, robust.get(m.target)) for m in solution.motions),
         tracks=tuple(tracks),
         measured_poses=tuple(m.poses for m in measured),
-        image_size={name: model.image_size for name, model in built.models.items()},
+        image_size={name: model.image_size for name, model in built.models.items() if all(model.image_size)},
         origin=origin,
         utc_s=reference.utc_s,
         inputs=hashes,

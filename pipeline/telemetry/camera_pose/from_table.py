@@ -27,6 +27,8 @@ if TYPE_CHECKING:  # slow to import, and flight logs need no tables
 PLACE = ["east_m", "north_m", "up_m"]
 TURN = ["qw", "qx", "qy", "qz"]
 PARQUET_ADVICE = "pip install 'runningfix[parquet]', or write the table as .csv"
+MOST_COLUMNS = 1000
+"""What has more is no table of poses, and takes minutes and gigabytes to be taken apart."""
 UNIT_TOLERANCE = 1e-2
 """A quaternion further from unit length than rounding to two digits makes it is a mistake, not rounding."""
 
@@ -102,6 +104,9 @@ def is_pose_table(path: Path) -> bool:
 def _csv(path: Path, raw: bytes) -> pd.DataFrame:
     import pandas as pd
 
+    columns = raw[: raw.find(b"\n") + 1].count(b",") + 1
+    if columns > MOST_COLUMNS:
+        raise _wrong(path, f"{columns:,} columns", f"at most {MOST_COLUMNS:,}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header

@@ -12,9 +12,16 @@ from pipeline.telemetry.clocks.clock_model import fit_clock
 from pipeline.telemetry.log.flight_log import ClockModel
 
 REBOOT_S = 10.0
-"""A boot clock that falls back by more than this was started anew; less is a packet that came late."""
+"""A boot clock that falls back by more than this was started anew; less may be packets that came late."""
 IN_ORDER_S = 1.0
-"""The same of rows that a file holds in their order."""
+"""The same of rows that a file holds in their order; of packets where more bears it out (`_small_restarts`)."""
+AROUND_S, LATE_SHARE = 20.0, 0.8
+"""A start anew makes a boot clock late for good, by what it falls back and more: held against the most punctual of the
+readings this long on both sides, in this share of the fall."""
+OFF_S = 1.0
+"""No autopilot is up again sooner."""
+MOST_SMALL = 10_000
+"""Falls back that are looked at: two links that tell of one vehicle by turns make one at every turn."""
 UNKNOWN_BREAK_S = 3600.0
 """Log time between two boots of a vehicle where no other clock tells how long it was off."""
 MOST_READINGS = 1 << 18
@@ -65,6 +72,7 @@ class BootClock:
 def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
     """The clock of a file from (n,) boot times and the recorder's times beside them, in the order of the file."""
     restart = restarts_of(boot_s)
+    restart = np.sort(np.concatenate([restart, _small_restarts(boot_s, record_s, restart)]))
     bounds = [*restart.tolist(), len(boot_s)]
     offset = [0.0]
     log = np.array(boot_s, float)
@@ -84,17 +92,84 @@ def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
 
 
 def restarts_of(boot_s: Floats, least_s: float = REBOOT_S) -> Ints:
-    """Indices at which the clock started anew: it falls back by more than `least_s`, and what follows stays back."""
+    """Indices at which the clock (n,) started anew: it falls back by more than `least_s`, and what follows stays back.
+
+    Rows that come seldom pass what was before in a few of them: they go on from where it fell to, at their own rate.
+    """
     found = []
     top, i = -np.inf, 0
     falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -least_s) if len(boot_s) else np.empty(0, int)
     for fall in falls.tolist():
         top = max(top, float(boot_s[i:fall].max())) if fall > i else top
         ahead = boot_s[fall : fall + 5]
-        if np.median(ahead) < top - least_s:
+        if np.median(ahead) < top - least_s or _goes_on(boot_s[max(i, fall - 20) : fall], ahead):
             found.append(fall)
             top, i = -np.inf, fall
     return np.array(found, dtype=np.int64)
+
+
+def _goes_on(before_s: Floats, ahead_s: Floats) -> bool:
+    """Whether times after a fall go on from row to row as those before it did; a late row is followed by a leap."""
+    steps = np.diff(before_s)
+    if len(ahead_s) < 2 or not (steps > 0).any():
+        return False
+    after = np.diff(ahead_s)
+    return bool(np.all((after > 0) & (after < 1.5 * np.median(steps[steps > 0]))))
+
+
+def _small_restarts(boot_s: Floats, record_s: Floats, restart: Ints) -> Ints:
+    """Indices at which the clock (n,) started anew by falling back by IN_ORDER_S to REBOOT_S, beside `restart`.
+
+    Packets that came late, over another link, fall back too. After a start anew no packet is as punctual by the
+    recorder's clock as before; where there is no such clock, packets that go on for good from where the clock fell to
+    and do not repeat what was said are of another boot.
+    """
+    found: list[int] = []
+    falls = np.flatnonzero(np.diff(boot_s, prepend=boot_s[:1]) < -IN_ORDER_S)[:MOST_SMALL]
+    if not len(falls):
+        return np.empty(0, dtype=np.int64)
+    late, begin, top = record_s - boot_s, 0, np.maximum.accumulate(boot_s)
+    anew = set(restart.tolist())
+    for fall in sorted({*falls.tolist(), *anew}):
+        by = float(top[fall - 1] - boot_s[fall]) if fall > begin else 0.0
+        started = fall in anew
+        if not started and IN_ORDER_S < by <= REBOOT_S:
+            gap = float(record_s[fall] - record_s[fall - 1])  # NaN where there is no recorder
+            again = _until_passed(boot_s[fall:], float(top[fall - 1]))
+            punctual = _late_for_good(late, record_s, begin, fall, by) if np.isfinite(gap) else _climbs(again, by)
+            repeats = gap < OFF_S or not np.isfinite(gap)
+            if punctual and not (repeats and 2 * int(np.isin(again, boot_s[begin:fall]).sum()) >= len(again)):
+                found.append(fall)
+                started = True
+        if started:
+            begin, top = fall, top.copy()
+            np.maximum.accumulate(boot_s[fall:], out=top[fall:])
+    return np.array(found, dtype=np.int64)
+
+
+def _until_passed(rows_s: Floats, before_s: float) -> Floats:
+    """The first of times (n,) up to the one that passes what was before."""
+    first, step = 0, 64
+    while first < len(rows_s):
+        over = rows_s[first : first + step] > before_s
+        if over.any():
+            return rows_s[: first + int(np.argmax(over))]
+        first, step = first + step, 4 * step
+    return rows_s
+
+
+def _late_for_good(late_s: Floats, record_s: Floats, begin: int, fall: int, by_s: float) -> bool:
+    """Whether no reading after a fall is as punctual as before it."""
+    at = float(record_s[fall])
+    first = begin + int(np.searchsorted(record_s[begin:fall], at - AROUND_S))
+    stop = fall + int(np.searchsorted(record_s[fall:], at + 3 * AROUND_S, side="right"))
+    before, after = late_s[min(first, fall - 1) : fall], late_s[fall : max(stop, fall + 1)]
+    return bool(np.nanmin(after) - np.nanmin(before) >= LATE_SHARE * by_s)
+
+
+def _climbs(again_s: Floats, by_s: float) -> bool:
+    """Whether times after a fall climb slowly: no leap among them takes back half of it."""
+    return len(again_s) > 1 and bool(np.diff(again_s).max() < 0.5 * by_s)
 
 
 def continued(time_s: Floats, other_s: Floats | None = None) -> tuple[Floats, list[tuple[int, float]]]:

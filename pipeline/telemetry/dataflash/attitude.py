@@ -24,12 +24,12 @@ TRIM_NAMES = ("AHRS_TRIM_X", "AHRS_TRIM_Y", "AHRS_TRIM_Z")
 
 
 def vehicle_attitude(raw: RawLog) -> AttitudeSeries | None:
-    """The vehicle's attitudes; None where there are none."""
+    """The vehicle's attitudes, of its second estimator (AHR2) where there are no others; None without any."""
     exact = primary_core(raw)
-    table = denser(exact, raw.table("ATT"))
+    table = denser(exact, raw.table("ATT")) or raw.table("AHR2")
     if table is None:
         return None
-    if table.name == "ATT":
+    if table.name in ("ATT", "AHR2"):
         q = rotation.ned_from_frd(*np.radians([table.floats(angle) for angle in ("Yaw", "Pitch", "Roll")]))
     else:
         board = np.stack([table.floats(f"Q{i}") for i in (1, 2, 3, 4)], axis=1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
+from pipeline.telemetry.clocks.boot_clock import IN_ORDER_S, UNKNOWN_BREAK_S, restarts_of
 from pipeline.telemetry.clocks.clock_model import settled
 from pipeline.telemetry.dataflash.tables import clock_field
 from pipeline.telemetry.dataflash.utc import utc_readings
@@ -18,6 +18,8 @@ def continued(raw: RawLog) -> RawLog:
     """The same messages with times that go on over every boot, and a note for each."""
     places, times = _readings(raw)
     restart = restarts_of(times)
+    small = [i for i in restarts_of(times, IN_ORDER_S).tolist() if i not in restart and _falls(raw, int(places[i]))]
+    restart = np.sort(np.concatenate([restart, np.array(small, dtype=np.int64)]))
     if not len(restart):
         return raw
     begins = places[restart]
@@ -54,6 +56,16 @@ def _readings(raw: RawLog) -> tuple[Ints, Floats]:
     time = settled(time[order])
     good = np.isfinite(time)
     return place[order][good], time[good]
+
+
+def _falls(raw: RawLog, place: int) -> bool:
+    """Whether the times of one kind of message fall back there: what wrote a log kind by kind did not boot anew."""
+    for table in raw.tables.values():
+        field, ticks = clock_field(table)
+        row = int(np.searchsorted(table.place, place))
+        if field and 0 < row < len(table) and table.floats(field)[row] < table.floats(field)[row - 1] - 0.1 * ticks:
+            return True
+    return False
 
 
 def _utc_late(raw: RawLog, begins: Ints) -> Floats:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from calibration.foundation.arrays import Bools, Floats
 from calibration.foundation.errors import UsageError
 from pipeline.geometry import rotation
 from pipeline.telemetry.dataflash.tables import time_of
-from pipeline.telemetry.gimbals.frames import held_frame, same_gimbal, told_frame
+from pipeline.telemetry.gimbals.frames import DOUBT_DEG, attitude_at, held_frame, same_gimbal, told_frame
 from pipeline.telemetry.log.flight_log import (
     EARTH,
     HEADING,
@@ -73,11 +74,26 @@ def _mount(table: MessageTable, body: AttitudeSeries | None) -> tuple[GimbalSeri
     if not any(np.nan_to_num(angle).any() for angle in (roll, pitch, yaw)):
         return None, ["MNT says zero throughout: no mount is attached, it is not used"]
     north = table.floats("YawE")
-    earth = np.isfinite(north)
+    unwritten = not np.nan_to_num(north).any() and np.nan_to_num(yaw).any()  # zero throughout beside one that is not
+    earth = np.isfinite(north) & (not unwritten)
     time = time_of(table)
     q = rotation.ned_from_frd(*np.radians([np.where(earth, north, yaw), pitch, roll]))
     series = gimbal_series(source="MNT", time_s=time, attitude=q, frame=np.where(earth, EARTH, HEADING))
     if not new:
         return told_frame(series, body)
     against_body = rotation.ned_from_frd(*np.radians([yaw, pitch, roll]))
-    return held_frame(series, body, against_body[np.argsort(time, kind="stable")], commanded=True)
+    series, notes = held_frame(series, body, against_body[np.argsort(time, kind="stable")], commanded=True)
+    return series, [*_two_yaws(time, north, yaw, earth, body), *notes]
+
+
+def _two_yaws(time: Floats, north: Floats, yaw: Floats, earth: Bools, body: AttitudeSeries | None) -> list[str]:
+    """What to say where YawE is not YawB and the vehicle's heading together, all in degrees (n,)."""
+    if body is None or not earth.any():
+        return []
+    at, inside = attitude_at(body, time[earth])
+    heading = np.degrees(rotation.yaw_pitch_roll(at)[:, 0])
+    apart = np.abs((north[earth] - yaw[earth] - heading + 180.0) % 360.0 - 180.0)[inside]
+    typical = float(np.nanmedian(apart)) if np.isfinite(apart).any() else 0.0
+    if typical < DOUBT_DEG:
+        return []
+    return [f"MNT: YawE (north) and YawB (the vehicle's heading) are {typical:.1f} degrees apart; YawE is used"]

@@ -34,13 +34,35 @@ def of_core(raw: RawLog, names: tuple[str, ...], status: str) -> MessageTable | 
     return raw.table(names[int(core)]) if core < len(names) else None
 
 
+def by_turns(raw: RawLog, name: str, status: str) -> tuple[MessageTable | None, int]:
+    """The messages of whichever core flew then, by the PI that `status` said last, and how often that changed.
+
+    Of firmware whose messages name their core (C); None where none does, or no core is said.
+    """
+    table, state = raw.table(name), raw.table(status)
+    if table is None or state is None or "C" not in table or "PI" not in state:
+        return None, 0
+    said = state.floats("PI")
+    place, core = state.place[said >= 0], said[said >= 0]
+    if not len(core):
+        return None, 0
+    flew = core[np.maximum(np.searchsorted(place, table.place, side="right") - 1, 0)]
+    mine = table.only(np.asarray(table.floats("C") == flew))
+    return (mine if len(mine) else None), int(np.count_nonzero(np.diff(core)))
+
+
+def lane_changes(raw: RawLog) -> int:
+    """How often the core that flew changed where positions are the estimator's own."""
+    return max(by_turns(raw, names[0], status)[1] for names, status in LOCAL_MESSAGES)
+
+
 def local_position(raw: RawLog) -> tuple[MessageTable, Floats, Floats, Floats] | None:
     """Messages, and latitude, longitude (degrees) and height above mean sea level (n,); None where there are none."""
     origin = raw.table("ORGN", lambda t: np.asarray(t.floats("Type") == EKF_ORIGIN))
     if origin is None:
         return None
     for names, status in LOCAL_MESSAGES:
-        table = of_core(raw, names, status)
+        table = of_core(raw, names, status) or by_turns(raw, names[0], status)[0]
         if table is None:
             continue
         lat0, lon0, height0 = (float(origin.floats(field)[0]) for field in ("Lat", "Lng", "Alt"))

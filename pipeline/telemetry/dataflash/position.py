@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.geometry import rotation
-from pipeline.telemetry.dataflash.local_position import local_position
+from pipeline.telemetry.dataflash.local_position import lane_changes, local_position
 from pipeline.telemetry.dataflash.parameters import parameters_of
-from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, time_of
+from pipeline.telemetry.dataflash.tables import accuracy_in_use, gps_in_use, receivers_by_turns, time_of
 from pipeline.telemetry.heights.undulation import Undulation, on_ellipsoid, told_ellipsoidal, undulation_of
 from pipeline.telemetry.log.flight_log import (
     PositionSeries,
@@ -29,15 +29,21 @@ def vehicle_position(raw: RawLog) -> tuple[PositionSeries | None, tuple[str, ...
         if name == "XKF1":
             local = _local(raw, undulation)
             if local is not None and local.valid.sum() >= 2:
-                return local, notes
+                return local, (*notes, *_lanes(raw))
             continue
         table = gps_in_use(raw) if name == "GPS" else raw.table(name)
         if table is None:
             continue
         series = _position_of(table, undulation)
         if series.valid.sum() >= 2:
-            return series, notes
+            return series, (*notes, *(receivers_by_turns(raw) if name == "GPS" else ()))
     return None, ()
+
+
+def _lanes(raw: RawLog) -> tuple[str, ...]:
+    turns = lane_changes(raw)
+    said = f"the estimator's core that flew changed {turns} times (PI): positions are of the one in use, and step there"
+    return (said,) if turns else ()
 
 
 def _position_of(table: MessageTable, undulation: Undulation | None) -> PositionSeries:

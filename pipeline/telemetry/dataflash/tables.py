@@ -52,6 +52,19 @@ def gps_in_use(raw: RawLog) -> MessageTable | None:
     return next(fixed, found[0][0] if found else None)
 
 
+def receivers_by_turns(raw: RawLog) -> tuple[str, ...]:
+    """A note where more than one receiver was in use (U): places may step where one takes over from another."""
+    tables = [t for t, _ in _receivers(raw)]
+    used = [i for i, t in enumerate(tables) if (t.floats("U") == 1).any()]
+    if len(used) < 2:
+        return ()
+    places = [tables[i].place[tables[i].floats("U") == 1] for i in used]
+    whose = np.repeat(used, [len(place) for place in places])[np.argsort(np.concatenate(places), kind="stable")]
+    turns = int(np.count_nonzero(np.diff(whose)))
+    said = " and ".join(str(i) for i in used)
+    return (f"receivers {said} are in use by turns, {turns} changes: places step where theirs differ",)
+
+
 def accuracy_in_use(raw: RawLog) -> MessageTable | None:
     """GPA of the receiver that gives most of the messages in use; else of the first."""
     found, gps = _receivers(raw), gps_in_use(raw)

@@ -18,7 +18,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import InputFileError, UsageError
-from pipeline.telemetry.clocks.boot_clock import REBOOT_S, restarts_of
+from pipeline.telemetry.clocks.boot_clock import IN_ORDER_S, REBOOT_S, restarts_of
 from pipeline.telemetry.clocks.clock_model import MAX_DRIFT
 from pipeline.telemetry.log.byte_ranges import Pieces, bytes_in, joined, sampled
 from pipeline.telemetry.log.flight_log import FlightLog
@@ -139,7 +139,7 @@ def _span(log: FlightLog, excerpts: tuple[Excerpt, ...]) -> tuple[float, float]:
 
 def _steady(readings: Readings, pieces: Pieces) -> bool:
     """Whether time goes on from piece to piece, and the vehicle's clock never started anew: not even between them."""
-    if len(restarts_of(readings.time_s)):
+    if len(restarts_of(readings.time_s, IN_ORDER_S)):
         return False
     parts = [part for _, part in _parts(readings, pieces)]
     if not parts:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.telemetry.dataflash.attitude import primary_core
 from pipeline.telemetry.dataflash.flight import dataflash_flight
-from pipeline.telemetry.dataflash.local_position import LOCAL_MESSAGES
+from pipeline.telemetry.dataflash.local_position import LOCAL_MESSAGES, lane_changes
 from pipeline.telemetry.dataflash.messages.read import read_dataflash
 from pipeline.telemetry.dataflash.tables import time_of
 from pipeline.telemetry.excerpts.excerpt import PieceReader, Readings
@@ -89,4 +89,5 @@ def _dataflash_doubtful(raw: RawLog, log: FlightLog) -> bool:
     source = "" if log.position is None else log.position.source
     local = {name for names, _ in LOCAL_MESSAGES for name in names}
     rootless = source not in ("POS", *local) and not local.isdisjoint(raw.tables)
-    return rootless or close_call(primary_core(raw), raw.table("ATT"))
+    turning = source in local and lane_changes(raw) > 0
+    return rootless or turning or close_call(primary_core(raw), raw.table("ATT"))

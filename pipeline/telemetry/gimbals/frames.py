@@ -104,7 +104,7 @@ def told_frame(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Gimba
     """A mount whose messages do not say what they count from, with the frame its motion tells, and a note."""
     frame = steadier_frame(gimbal, body)
     note = f"{gimbal.source} does not say what its angles count from; by the vehicle's motion: {FRAME_NAMES[frame]}"
-    doubt = _doubt(gimbal, body, commanded=True)
+    doubt = _doubt(_beside_body(gimbal, body), commanded=True)
     return replace(gimbal, frame=np.full(len(gimbal.frame), frame)), [note + (f" ({doubt})" if doubt else "")]
 
 
@@ -121,34 +121,41 @@ def held_frame(
     `commanded` its angles may be what an autopilot asks for rather than what an encoder reads.
     """
     attitude = gimbal.attitude if against_body is None else against_body
-    as_servos = replace(gimbal, attitude=attitude, frame=np.full(len(gimbal.frame), BODY))
-    seen, servos = _beside_body(gimbal, body), _beside_body(as_servos, body)
+    seen = _beside_body(gimbal, body)
+    servos = seen if against_body is None else _beside_body(replace(gimbal, attitude=attitude), body)
     if seen is None or servos is None:
         return gimbal, []
     mount, _ = seen
     level, servo = _unrest(mount), _unrest(rotation.multiply(servos[1], servos[0]))
     if level > STILL_RAD**2 and servo < STEADIER * level:
-        found = as_servos
-        return found, [
+        return replace(gimbal, attitude=attitude, frame=np.full(len(gimbal.frame), BODY)), [
             f"{gimbal.source} says that roll and pitch count from the horizon, but they undo the vehicle's own:"
             f" they are read as angles against its body (servos); the two readings are"
             f" {_apart_deg(servos[0], servos[1]):.1f} degrees apart"
         ]
-    gimbal, notes = _held_yaw(gimbal, body)
-    doubt = _doubt(as_servos, body, commanded=commanded)
+    gimbal, notes = _held_yaw(gimbal, body, seen)
+    doubt = _doubt(servos, commanded=commanded)
     if doubt and not notes:
         stated = " or ".join(FRAME_NAMES[kind] for kind in np.unique(gimbal.frame).tolist())
         notes = [f"{gimbal.source}: {doubt}; it is read as it says, against {stated}"]
     return gimbal, notes
 
 
-def _held_yaw(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[GimbalSeries, list[str]]:
-    """The mount with yaw held against the vehicle's heading, the rows of each stated frame by themselves."""
+def _held_yaw(
+    gimbal: GimbalSeries, body: AttitudeSeries | None, all_seen: tuple[Floats, Floats]
+) -> tuple[GimbalSeries, list[str]]:
+    """The mount with yaw held against the vehicle's heading, the rows of each stated frame by themselves.
+
+    `all_seen` is `_beside_body` of all of it.
+    """
     frame, notes = gimbal.frame.copy(), []
-    for stated in np.unique(gimbal.frame).tolist():
+    kinds = np.unique(gimbal.frame).tolist()
+    for stated in kinds:
         rows = gimbal.frame == stated
-        part = replace(gimbal, time_s=gimbal.time_s[rows], attitude=gimbal.attitude[rows], frame=gimbal.frame[rows])
-        seen = _beside_body(part, body)
+        seen: tuple[Floats, Floats] | None = all_seen
+        if len(kinds) > 1:
+            part = replace(gimbal, time_s=gimbal.time_s[rows], attitude=gimbal.attitude[rows], frame=gimbal.frame[rows])
+            seen = _beside_body(part, body)
         yaw = stated if seen is None else _yaw_frame(*seen, stated)
         if yaw != stated:
             frame[rows] = yaw
@@ -240,9 +247,11 @@ def _in_runs(rows: Ints) -> Ints:
     return np.asarray(rows[(begin[:, None] + np.arange(RUN_ROWS)).ravel()])
 
 
-def _doubt(gimbal: GimbalSeries, body: AttitudeSeries | None, *, commanded: bool = False) -> str:
-    """What to say where the motion does not tell the horizon from the body and the two readings differ."""
-    seen = _beside_body(gimbal, body)
+def _doubt(seen: tuple[Floats, Floats] | None, *, commanded: bool = False) -> str:
+    """What to say where the motion does not tell the horizon from the body and the two readings differ.
+
+    `seen` is `_beside_body` of the mount as it reads against the body.
+    """
     if seen is None:
         return ""
     mount, turned = seen

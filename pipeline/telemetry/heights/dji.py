@@ -18,6 +18,8 @@ ABSOLUTE_SIGMA_M = 50.0
 and public samples are off by as much."""
 BAROMETER_SIGMA_M = 3.0
 """Above home: what pressure drifts during a flight, and what a take-off height from a map is worth."""
+EQUAL_M = 0.002
+"""Two heights closer than this throughout are one height, written twice: formats round to a millimetre."""
 LOWEST_LAND_M = -30.0
 """A take-off place below this is a wrong pressure: only a few basins are lower."""
 
@@ -39,7 +41,9 @@ def dji_heights(absolute_m: Floats, above_home_m: Floats, lat_deg: Floats, lon_d
     if np.isfinite(absolute_m).any():
         takeoff = absolute_m - above_home_m
         ground = float(np.nanmedian(takeoff)) if np.isfinite(takeoff).any() else float(np.nanmedian(absolute_m))
-        if ground > LOWEST_LAND_M:
+        if np.isfinite(takeoff).any() and np.nanmax(np.abs(takeoff)) < EQUAL_M:
+            notes = ("DJI's altitude repeats the height above the take-off place: it says nothing, and is not used",)
+        elif ground > LOWEST_LAND_M:
             above = geoid_height_m(np.radians(lat_deg), np.radians(lon_deg))
             return DJIHeights(
                 datum="ellipsoid",
@@ -48,7 +52,8 @@ def dji_heights(absolute_m: Floats, above_home_m: Floats, lat_deg: Floats, lon_d
                 sigma_m=ABSOLUTE_SIGMA_M,
                 notes=(f"DJI's altitude is by its barometer: {ABSOLUTE_SIGMA_M:.0f} m, one sigma, as a whole",),
             )
-        notes = (f"altitudes put the take-off place at {ground:.0f} m, where no land is: they are not used",)
+        else:
+            notes = (f"altitudes put the take-off place at {ground:.0f} m, where no land is: they are not used",)
     return DJIHeights(
         datum="home",
         words="heights above the take-off place",

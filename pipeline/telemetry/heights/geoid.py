@@ -7,7 +7,11 @@ it.
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import sys
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +42,8 @@ def geoid_name() -> str:
 @cache
 def _egm2008() -> Any:
     """PROJ's shift from mean sea level to the ellipsoid by its grid; None where either is not there."""
+    if not _may_be_there():
+        return None
     try:
         import pyproj
     except ImportError:
@@ -51,3 +57,29 @@ def _egm2008() -> Any:
         except pyproj.exceptions.ProjError:
             continue
     return None
+
+
+def _may_be_there() -> bool:
+    """Whether a grid lies where PROJ looks: to ask PROJ itself takes a fifth of a second."""
+    if os.environ.get("PROJ_NETWORK", "").upper() in ("ON", "YES", "TRUE"):
+        return True
+    return any((place / grid).is_file() for grid in GRIDS for place in _places())
+
+
+def _places() -> list[Path]:
+    """Folders in which PROJ, as pyproj sets it up, looks for grids."""
+    here = importlib.util.find_spec("pyproj")
+    if here is None or not here.submodule_search_locations:
+        return []
+    named = [os.environ.get(name, "") for name in ("PROJ_DATA", "PROJ_LIB", "PROJ_USER_WRITABLE_DIRECTORY")]
+    if "pyproj" in sys.modules:  # a caller may have set it up otherwise
+        named.append(sys.modules["pyproj"].datadir.get_data_dir())
+    of_user = ("XDG_DATA_HOME", ".local/share"), ("LOCALAPPDATA", "AppData/Local"), ("", "Library/Application Support")
+    own = [os.environ.get(name) or Path.home() / usual for name, usual in of_user]
+    around = (Path(here.submodule_search_locations[0]) / "proj_dir", Path(sys.prefix), Path(sys.prefix) / "Library",
+              Path("/usr"), Path("/usr/local"))  # fmt: skip
+    return [
+        *(Path(one) for several in named for one in several.split(os.pathsep) if one),
+        *(Path(one) / "proj" for one in own),
+        *(one / "share" / "proj" for one in around),
+    ]

@@ -22,6 +22,8 @@ CLEAR_M = 0.5
 """Where EGM96 itself is within this of nothing, equal heights are no contradiction."""
 APART_M = 5.0
 """EGM96 is right to a metre or two; a log's undulation further from it is doubted aloud."""
+MODEL_PLACES = 1 << 14
+"""Of more places so many, evenly chosen, tell the geoid's height as well: it changes by metres in tens of km."""
 ELLIPSOID_OPTION = 16
 """Bit 4 of ArduPilot's GPS_DRV_OPTIONS: heights are above the ellipsoid in every field that says mean sea level."""
 
@@ -57,7 +59,7 @@ def undulation_of(
     if not possible.any():
         return None
     own = float(np.median(difference_m[possible]))
-    model = _median(geoid_height_m(np.radians(lat_deg[possible]), np.radians(lon_deg[possible])))
+    model = _middle_m(lat_deg[possible], lon_deg[possible])
     if np.all(np.abs(difference_m[possible]) < equal_m) and abs(model) > CLEAR_M:
         return Undulation(
             metres=float("nan"),
@@ -101,6 +103,12 @@ def on_ellipsoid(
     why = "the log gives no height above the ellipsoid" if undulation is None else "the log's own says nothing"
     words = f"mean sea level + {_median(above):.2f} m undulation by {geoid_name()} ({why})"
     return words, mean_sea_level_m + above
+
+
+def _middle_m(lat_deg: Floats, lon_deg: Floats) -> float:
+    """The geoid's median height at places (n,), of many at MODEL_PLACES of them."""
+    few = slice(None, None, 1 + len(lat_deg) // MODEL_PLACES)
+    return _median(geoid_height_m(np.radians(lat_deg[few]), np.radians(lon_deg[few])))
 
 
 def _median(value: Floats) -> float:

@@ -13,6 +13,8 @@ STAIRCASE = 1.5
 """Places that are renewed this much more seldom than they are told are a staircase."""
 SLOWEST_RENEWAL_S = 1.1
 """No receiver is slower; places that change more seldom do so because of their digits, or because nothing moves."""
+HIGHEST_M = 1e5
+"""No vehicle is higher, or deeper: what says so says that it does not know."""
 LEAST_STEP_M, LEAST_STEPS = 0.3, 5
 """Steps shorter than this do no harm; fewer than this tell no rate."""
 
@@ -31,7 +33,7 @@ def position_series(
 ) -> PositionSeries:
     """Positions (n,) of any order in time order; a place that cannot be becomes NaN."""
     order = _order(time_s)
-    bad = ~((np.abs(lat_deg) <= 90) & (np.abs(lon_deg) <= 360))
+    bad = ~((np.abs(lat_deg) <= 90) & (np.abs(lon_deg) <= 360) & ~(np.abs(height_m) > HIGHEST_M))
     return PositionSeries(
         source=source,
         datum=datum,
@@ -112,6 +114,6 @@ def _order(time_s: Floats) -> Ints | slice:
 
 
 def _unit(q: Floats) -> Floats:
-    length = np.linalg.norm(q, axis=-1, keepdims=True)
-    good = np.abs(length - 1) < 0.05
-    return np.where(good, q / np.where(good, length, 1.0), np.nan)
+    length = np.sqrt(sum(q[:, i] ** 2 for i in range(4)))
+    length[~(np.abs(length - 1) < 0.05)] = np.nan
+    return q / length[:, None]

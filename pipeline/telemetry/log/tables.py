@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -155,6 +155,10 @@ class RawLog:
     corrupt_packets: int = 0
     notes: tuple[str, ...] = field(default=())
     bytes_read: int = 0
+
+    def without(self, names: Sequence[str]) -> RawLog:
+        """The same without the messages of some names."""
+        return replace(self, tables={name: table for name, table in self.tables.items() if name not in names})
 
     def table(self, name: str, keep: Callable[[MessageTable], Bools] | None = None) -> MessageTable | None:
         """The messages of one name (those that `keep` takes); None where there is none."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pipeline.telemetry.clocks.boot_clock import boot_clock
 from pipeline.telemetry.log.flight_log import (
     FlightLog,
@@ -11,9 +13,16 @@ from pipeline.telemetry.mavlink.accuracy import stated_accuracy
 from pipeline.telemetry.mavlink.attitude import vehicle_attitude
 from pipeline.telemetry.mavlink.camera_events import camera_events
 from pipeline.telemetry.mavlink.gimbal import gimbal_attitude
-from pipeline.telemetry.mavlink.position import receiver_of, simulated, vehicle_position
+from pipeline.telemetry.mavlink.position import receiver_of, simulated, vehicle_position, vehicle_undulation
 from pipeline.telemetry.mavlink.times import utc_clock
-from pipeline.telemetry.mavlink.vehicle import Vehicle, boot_readings, choose_vehicle, clock_notes, systems_of
+from pipeline.telemetry.mavlink.vehicle import (
+    POSITION_MESSAGES,
+    Vehicle,
+    boot_readings,
+    choose_vehicle,
+    clock_notes,
+    systems_of,
+)
 
 
 def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None = None) -> FlightLog:
@@ -29,7 +38,12 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
     vehicle = Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=clock)
     notes += clock_notes(vehicle.clock)
     utc, utc_notes = utc_clock(vehicle)
-    position, height_notes = vehicle_position(vehicle)
+    undulation = vehicle_undulation(vehicle)
+    position, height_notes = vehicle_position(vehicle, undulation)
+    receiver, truth, accuracy = receiver_of(vehicle, undulation), simulated(vehicle), stated_accuracy(vehicle)
+    systems = systems_of(raw)
+    raw = raw.without((*POSITION_MESSAGES, "SYSTEM_TIME"))  # of a long log they are as large as what is made of them
+    vehicle = replace(vehicle, raw=raw)
     attitude = vehicle_attitude(vehicle)
     mount, gimbals, gimbal_notes = gimbal_attitude(vehicle, attitude, gimbal)
     events, event_source, event_notes = camera_events(vehicle, utc)
@@ -43,14 +57,14 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
         position=position,
         attitude=attitude,
         gimbal=mount,
-        systems=systems_of(raw),
+        systems=systems,
         gimbals=gimbals,
         camera_event_s=events,
         camera_event_source=event_source,
         utc=utc,
         record_clock=vehicle.clock.record,
-        accuracy=stated_accuracy(vehicle),
-        receiver=receiver_of(vehicle),
-        truth=simulated(vehicle),
+        accuracy=accuracy,
+        receiver=receiver,
+        truth=truth,
         notes=(*raw.notes, *notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
     )

@@ -31,7 +31,7 @@ from pipeline.telemetry.log.flight_log import (
 from pipeline.telemetry.log.series import gimbal_series
 from pipeline.telemetry.log.tables import MessageTable
 from pipeline.telemetry.mavlink.times import log_time_of
-from pipeline.telemetry.mavlink.vehicle import AUTOPILOT_NAMES, Vehicle
+from pipeline.telemetry.mavlink.vehicle import AUTOPILOT_NAMES, Vehicle, autopilots_of
 
 Reader = Callable[[Vehicle, MessageTable, AttitudeSeries | None], tuple[GimbalSeries, list[str]]]
 
@@ -54,7 +54,21 @@ def gimbal_attitude(
         return series, others, [*notes, *said]
     if asked is not None:
         raise _no_gimbal(vehicle, asked, [])
-    return None, (), []
+    return None, (), _strangers(vehicle)
+
+
+def _strangers(vehicle: Vehicle) -> list[str]:
+    """What to say where only systems without an autopilot send a gimbal's attitudes: one whose id was never set."""
+    for name, _ in READERS:
+        table = vehicle.raw.table(name)
+        others = set() if table is None else set(np.unique(table.system).tolist()) - autopilots_of(vehicle.raw)
+        if others:
+            senders = ", ".join(map(str, sorted(others)))
+            return [
+                f"{name} is sent by system {senders}, not by the vehicle's {vehicle.system}: it is not used;"
+                " a gimbal on the vehicle should have its system id"
+            ]
+    return []
 
 
 def _one_gimbal(
@@ -122,16 +136,15 @@ def _device(vehicle: Vehicle, table: MessageTable, body: AttitudeSeries | None) 
     """Quaternions whose flags say what they count from."""
     flags = table.floats("flags")
     frame = frame_of_flags(flags)
-    q = np.asarray(table.columns["q"], float)
-    broken = (whole_numbers(table.floats("failure_flags")) & ENCODER_ERROR) != 0
-    q = np.where(broken[:, None], np.nan, q)
+    q = np.array(table.columns["q"], float)
+    q[(whole_numbers(table.floats("failure_flags")) & ENCODER_ERROR) != 0] = np.nan
     who = AUTOPILOT_NAMES.get(vehicle.autopilot, "")
     own = bool(who) and bool(np.all(table.component == vehicle.component))
     frame, notes = as_outputs(table.name, who, frame, flags, np.full(len(table), own))
     time = log_time_of(vehicle, table)
-    order = np.argsort(time, kind="stable")
     series = gimbal_series(source=table.name, time_s=time, attitude=q, frame=frame)
-    series, north = own_north(series, table.floats("delta_yaw")[order], body)
+    del q
+    series, north = own_north(series, table.floats("delta_yaw")[np.argsort(time, kind="stable")], body)
     series, held = held_frame(series, body, commanded=own)
     return series, [*notes, *north, *held]
 

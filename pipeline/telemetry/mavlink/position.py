@@ -14,16 +14,20 @@ from pipeline.telemetry.log.flight_log import (
     PositionSeries,
     TruthSeries,
 )
-from pipeline.telemetry.log.receiver import ReceiverSeries, receiver_series
+from pipeline.telemetry.log.receiver import FIX_3D, ReceiverSeries, receiver_series
 from pipeline.telemetry.log.series import attitude_series, position_series
 from pipeline.telemetry.log.tables import MessageTable
 from pipeline.telemetry.mavlink.times import log_time_of
 from pipeline.telemetry.mavlink.vehicle import GPS_MESSAGES, POSITION_MESSAGES, Vehicle
 
 
-def vehicle_position(vehicle: Vehicle) -> tuple[PositionSeries | None, tuple[str, ...]]:
+def vehicle_undulation(vehicle: Vehicle) -> Undulation | None:
+    """What the log says of ellipsoid and mean sea level; None where it says nothing."""
+    return told_ellipsoidal(vehicle.parameter("GPS_DRV_OPTIONS")) or _undulation(vehicle)
+
+
+def vehicle_position(vehicle: Vehicle, undulation: Undulation | None) -> tuple[PositionSeries | None, tuple[str, ...]]:
     """The vehicle's positions by the best message that has two valid ones, None where none has; and notes."""
-    undulation = told_ellipsoidal(vehicle.parameter("GPS_DRV_OPTIONS")) or _undulation(vehicle)
     for name in POSITION_MESSAGES:
         table = vehicle.own(name)
         if table is not None:
@@ -57,12 +61,12 @@ def _position_of(vehicle: Vehicle, table: MessageTable, undulation: Undulation |
     )
 
 
-def receiver_of(vehicle: Vehicle) -> ReceiverSeries | None:
-    """The receiver's fix, accuracy and height over time: of the first receiver that speaks."""
-    table = next((found for name in GPS_MESSAGES if (found := vehicle.own(name)) is not None), None)
-    if table is None:
+def receiver_of(vehicle: Vehicle, undulation: Undulation | None) -> ReceiverSeries | None:
+    """The receiver's fix, accuracy and height over time: of the first that ever has a 3D fix, else of the first."""
+    every = [found for name in GPS_MESSAGES if (found := vehicle.own(name)) is not None]
+    if not every:
         return None
-    undulation = told_ellipsoidal(vehicle.parameter("GPS_DRV_OPTIONS")) or _undulation(vehicle)
+    table = next((one for one in every if (one.floats("fix_type") >= FIX_3D).any()), every[0])
     lat, lon = table.floats("lat") / 1e7, table.floats("lon") / 1e7
     across, up = (table.floats(name) / 1000 for name in ("h_acc", "v_acc"))
     return receiver_series(

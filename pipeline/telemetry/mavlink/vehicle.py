@@ -105,6 +105,11 @@ def votes_of(raw: RawLog, system: int | None = None) -> dict[tuple[int, int], tu
     return said or {who: n for who, n in found.items() if who not in others}
 
 
+def autopilots_of(raw: RawLog) -> set[int]:
+    """The systems that have an autopilot, by its heartbeat."""
+    return {system for system, _ in _heartbeats(raw)[0]}
+
+
 def _heartbeats(raw: RawLog) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
     """Who says that it is an autopilot, and who says that it is something else: by most of its heartbeats."""
     table = raw.table("HEARTBEAT")

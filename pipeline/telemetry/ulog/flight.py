@@ -12,7 +12,8 @@ from pipeline.telemetry.ulog.accuracy import stated_accuracy
 from pipeline.telemetry.ulog.attitude import gimbal_attitude, vehicle_attitude
 from pipeline.telemetry.ulog.camera_events import camera_events
 from pipeline.telemetry.ulog.position import receiver_of, simulated, vehicle_position
-from pipeline.telemetry.ulog.topics import load_topics
+from pipeline.telemetry.ulog.resets import reset_notes
+from pipeline.telemetry.ulog.topics import load_topics, several_receivers
 from pipeline.telemetry.ulog.utc import utc_clock
 
 SYSTEM_NAME = "MAV_SYS_ID"
@@ -51,5 +52,13 @@ def read_ulog(path: Path, *, gimbal: int | None = None, progress: Progress = Non
         accuracy=accuracy,
         receiver=receiver_of(topics, accuracy.source),
         truth=simulated(topics, vehicle_attitude(topics, TRUE_ATTITUDE)),
-        notes=(*log.notes, *utc_notes, *height_notes, *gimbal_notes, *event_notes),
+        notes=(
+            *log.notes,
+            *utc_notes,
+            *height_notes,
+            *reset_notes(topics),
+            *several_receivers(log.instances),
+            *gimbal_notes,
+            *event_notes,
+        ),
     )

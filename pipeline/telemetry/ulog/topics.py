@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from calibration.foundation.errors import InputFileError
-from pipeline.telemetry.clocks.boot_clock import UNKNOWN_BREAK_S, restarts_of
+from pipeline.telemetry.clocks.boot_clock import IN_ORDER_S, UNKNOWN_BREAK_S, restarts_of
 
 RECEIVED, PRIMARY = 3, "estimator_selector_status"
 GPS_TOPICS = ("vehicle_gps_position", "sensor_gps")
@@ -111,9 +111,23 @@ def _chosen(name: str, instances: dict[str, dict[int, Topic]]) -> Topic:
     return each[min(each)]
 
 
+def several_receivers(instances: dict[str, dict[int, Topic]]) -> tuple[str, ...]:
+    """A note where several receivers have a fix and no topic says which one the estimator follows."""
+    name = next((topic for topic in GPS_TOPICS if topic in instances), "")
+    fixed = [i for i, topic in sorted(instances.get(name, {}).items()) if (floats(topic, "fix_type") >= RECEIVED).any()]
+    if len(fixed) < 2:
+        return ()
+    said = ", ".join(map(str, fixed))
+    return (f"receivers {said} have a fix in {name}; what is said of the receiver is {fixed[0]}'s",)
+
+
 def continue_boots(topics: list[Topic]) -> list[str]:
     """Moves the times of later boots behind those of earlier ones, in the topics themselves, and says so."""
-    parts = [[0, *restarts_of(_numbers(t["timestamp"]) / 1e6).tolist(), len(t["timestamp"])] for t in topics]
+    seconds = [_numbers(t["timestamp"]) / 1e6 for t in topics]
+    falls = [restarts_of(time, IN_ORDER_S) for time in seconds]
+    if any(map(len, falls)):  # a topic that comes seldom falls back by less
+        falls = [restarts_of(time, 0.0) if not len(fall) else fall for time, fall in zip(seconds, falls, strict=True)]
+    parts = [[0, *fall.tolist(), len(time)] for time, fall in zip(seconds, falls, strict=True)]
     boots = max((len(part) - 1 for part in parts), default=0)
     notes, offset_us, end_us = [], 0.0, -np.inf
     for boot in range(boots):

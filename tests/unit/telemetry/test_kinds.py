@@ -31,12 +31,15 @@ MORE, LOGS, KLV, CSV = (
     "flight_records/test_flight_records.py",
 )
 IDS = "test_kinds_of_ids.py"
+TWICE, WHOSE = "test_second_boots.py", "test_kinds_of_receivers.py"
 WORTH, OWN, SRT = "camera_pose/test_sigma_over_time.py", "test_kinds.py", "test_inspection_and_subtitles.py"
 
 CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
     ("ids", "tlog"): (
         f"{MORE}::test_an_autopilot_is_what_its_heartbeat_says",
         f"{MORE}::test_one_camera_of_several_is_taken",
+        f"{WHOSE}::test_the_second_receiver_where_the_first_has_no_fix",
+        f"{WHOSE}::test_a_gimbal_of_another_system_is_named",
     ),
     ("ids", "DataFlash old"): (
         f"{OWN}::test_old_second_receiver_is_a_message_of_its_own",
@@ -136,10 +139,14 @@ CELLS: dict[tuple[str, str], tuple[str, ...] | str] = {
         f"{CSV}::test_past_midnight",
         f"{CSV}::test_a_clock_of_seconds_or_milliseconds",
     ),
-    ("boots", "tlog"): (f"{LOGS}::test_after_a_reboot_log_time_goes_on_by_the_recorders_clock",),
+    ("boots", "tlog"): (
+        f"{LOGS}::test_after_a_reboot_log_time_goes_on_by_the_recorders_clock",
+        f"{TWICE}::test_a_tlog_tells_by_the_recorders_clock",
+        f"{TWICE}::test_packets_that_come_late_over_another_link_are_no_boot",
+    ),
     ("boots", "DataFlash old"): (f"{OWN}::test_old_firmware_that_starts_anew",),
-    ("boots", "DataFlash new"): (f"{MORE}::test_dataflash",),
-    ("boots", "ULog"): (f"{MORE}::test_px4",),
+    ("boots", "DataFlash new"): (f"{MORE}::test_dataflash", f"{TWICE}::test_dataflash"),
+    ("boots", "ULog"): (f"{MORE}::test_px4", f"{TWICE}::test_px4_also_in_topics_that_come_once_a_second"),
     ("boots", "SRT"): (f"{MORE}::test_subtitles",),
     ("boots", "KLV"): (f"{KLV}::test_two_recordings_in_one_file",),
     ("boots", "CSV"): (f"{CSV}::test_two_recordings_are_two_flights",),

@@ -558,6 +558,19 @@ class TestHeights:
         assert log.position.datum == datum
         assert any("no land" in note for note in log.notes) == (datum == "home")
 
+    def test_an_altitude_that_repeats_the_height_above_take_off(self, tmp_path):
+        """rel_alt written twice: one row that differs by a metre is a take-off place at sea level."""
+        rows = [
+            f"{i}\n00:00:{i:02d},000 --> 00:00:{i:02d},900\n[latitude: 41.{i:02d}] [longitude: 2.1]" for i in range(5)
+        ]
+        for last, datum in ((14.0, "home"), (15.0, "ellipsoid")):
+            heights = [10.0, 11.0, 12.0, 13.0, 14.0], [10.0, 11.0, 12.0, 13.0, last]
+            said = (f"{row} [rel_alt: {r} abs_alt: {a}]\n" for row, r, a in zip(rows, *heights, strict=True))
+            (tmp_path / "a.srt").write_text("\n".join(said))
+            log = read_log(tmp_path / "a.srt")
+            assert log.position.datum == datum
+            assert any("repeats the height" in note for note in log.notes) == (datum == "home")
+
 
 class TestSigmas:
     def subtitles(self, tmp_path, lat, *, hz=10, seconds=10, more=""):

@@ -18,7 +18,7 @@ HEAD_1, HEAD_2 = 0xA3, 0x95
 SEGMENT_BYTES = 1 << 22
 IN_A_ROW = 16
 """Messages that follow each other: by chance they never do."""
-LOOK = 1 << 13
+LOOK, BLOCK = 1 << 13, 1 << 18
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,14 +81,18 @@ def _followed(data: npt.NDArray[np.uint8], at: int, length: Ints) -> bool:
 
 def _heads(data: npt.NDArray[np.uint8], at: int, edge: int, length: Ints) -> tuple[Ints, npt.NDArray[np.uint8]]:
     """Places from `at` to `edge` where a whole message of a known kind can start, and the kinds."""
-    part = data[at : edge + 2]
-    words = [part[i : i + (len(part) - i) // 2 * 2].view("<u2") for i in (0, 1)]
-    place = np.concatenate([2 * np.flatnonzero(words[i] == (HEAD_2 << 8 | HEAD_1)) + i for i in (0, 1)])
-    place.sort(kind="stable")  # two rising halves
-    place = place[place < len(part) - 2]
-    kind = part[place + 2]
-    place = place + at
-    fits = (length[kind] > 0) & (place + length[kind] <= len(data))
+    found = []
+    for begin in range(at, edge, BLOCK):  # small enough to stay near the processor
+        part = data[begin : min(begin + BLOCK, edge) + 1]
+        head = part[:-1] == HEAD_1
+        head &= part[1:] == HEAD_2
+        found.append(np.flatnonzero(head) + begin)
+    place = np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+    place = place[: np.searchsorted(place, len(data) - 2)]
+    kind = data[place + 2]
+    fits = length[kind] > 0
+    last = int(np.searchsorted(place, len(data) - 256))  # further on a message may be cut off
+    fits[last:] &= place[last:] + length[kind[last:]] <= len(data)
     return place[fits], kind[fits]
 
 

@@ -1,6 +1,6 @@
 """MAVLink logs read by compiled loops: scan once, verify every checksum, gather only the wanted fields.
 
-Layouts come from pymavlink's own message definitions, so the values are bit for bit those of its reader.
+Layouts are those of pymavlink's own message definitions, so the values are bit for bit those of its reader.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pymavlink.dialects.v20 import ardupilotmega
 
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.telemetry.log.byte_ranges import Pieces, bytes_in, share_read
 from pipeline.telemetry.log.flight_log import LogFormat
 from pipeline.telemetry.log.mapped_file import Bytes, mapped, taken
 from pipeline.telemetry.log.tables import Column, Growing, MessageTable, Progress, RawLog
+from pipeline.telemetry.mavlink.packets.definitions import definitions
 from pipeline.telemetry.mavlink.packets.names import WANTED, has_stamps
 from pipeline.telemetry.mavlink.packets.walk import AT, CORRUPT, IDS, PLACE, STRANGE, V1, walk_packets
 
@@ -53,7 +53,7 @@ def read_mavlink_fast(
     stamped = has_stamps(data, path)
     found, counts, state = _scan(data, stamped, wanted, fields, pieces or ((0, len(data)),), progress)
     kind: LogFormat = "tlog" if stamped else "mavlink"
-    names = ardupilotmega.mavlink_map
+    names = definitions()
     return RawLog(
         path=path,
         format=kind,
@@ -79,7 +79,7 @@ def layout(message: Any) -> np.dtype[np.void]:
 @cache
 def _extra() -> Ints:
     extra = np.full(IDS, -1, dtype=np.int64)
-    for msgid, message in ardupilotmega.mavlink_map.items():
+    for msgid, message in definitions().items():
         extra[msgid] = message.crc_extra
     return extra
 
@@ -89,7 +89,7 @@ def _scan(
     progress: Progress,
 ) -> tuple[dict[int, Growing], Ints, Ints]:  # fmt: skip
     """Each wanted id's table, counts by id, and the final state of `scan_packets`."""
-    names = ardupilotmega.mavlink_map
+    names = definitions()
     listed = np.zeros(IDS, dtype=np.bool_)
     listed[[msgid for msgid, message in names.items() if message.msgname in wanted]] = True
     counts, known = np.zeros(IDS, dtype=np.int64), np.zeros(IDS, dtype=np.bool_)
@@ -100,8 +100,9 @@ def _scan(
     def keep(found: Ints) -> None:
         share = share_read(pieces, int(state[AT]))
         order = np.argsort(found[:, 2].astype(np.uint16), kind="stable")  # of 16 bits: by their digits
-        ids, first = np.unique(found[order, 2], return_index=True)
-        for msgid, rows in zip(ids.tolist(), np.split(order, first[1:]) if len(found) else [], strict=True):
+        ids = found[order, 2]
+        for rows in np.split(order, np.flatnonzero(np.diff(ids)) + 1) if len(found) else []:
+            msgid = int(found[rows[0], 2])
             message = names[msgid]
             kept = fields.get(message.msgname, tuple(message.fieldnames))
             piece = _table(source, message, found[rows], kept)

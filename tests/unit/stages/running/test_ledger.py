@@ -94,6 +94,14 @@ def test_a_ledger_from_elsewhere_does_not_reach_out_of_its_folder(tmp_path):
         assert (tmp_path / "mine.txt").read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["../mine", "/mine", "a\\b", "a\0b", "\ud800", ""])
+def test_names_that_cannot_be_ours_are_not_in_a_ledger(ledger, name):
+    swap = {"stage": "solve", "key": "k", "files": {name: {"part": "0", "sha256": "x"}}}
+    (ledger.folder / "pending.json").write_text(json.dumps(swap))
+    with writing(ledger.out) as found:
+        assert found.stages.keys() == {"poses"}
+
+
 def test_only_what_the_ledger_lists_unchanged_is_removed(ledger):
     """Files and folders of the user's, whatever their names, outlive a solve that no longer writes what it wrote."""
     out = ledger.out
@@ -181,6 +189,24 @@ def test_the_second_of_two_runs_is_refused_with_the_first_one_named(tmp_path):
     assert not (tmp_path / "out").exists(), "nothing was written, nothing is left"
     with writing(tmp_path / "out"):
         pass
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes by name are needed")
+def test_a_pipe_in_the_place_of_the_lock_is_refused(tmp_path):
+    (tmp_path / FOLDER).mkdir()
+    os.mkfifo(tmp_path / FOLDER / "lock")
+    with pytest.raises(WriteError, match="a pipe or device"), writing(tmp_path):
+        pass
+
+
+def test_a_name_that_goes_up_again_leads_to_what_was_written(tmp_path):
+    out = tmp_path / "absent/../other/../results"
+    with writing(out) as ledger:
+        ledger.record("poses", "key", {"poses.csv": "measured"})
+    assert (out / "poses.csv").read_text() == "measured"
+    with writing(tmp_path / "plain/below"):
+        pass
+    assert not (tmp_path / "plain").exists()
 
 
 def test_a_killed_process_holds_no_lock(tmp_path):

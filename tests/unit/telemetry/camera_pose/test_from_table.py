@@ -53,6 +53,7 @@ def test_nothing_is_extrapolated_or_bridged(tmp_path):
 
 
 MISTAKES = [
+    ({"rows": GOOD, "header": HEADER + ",more" * 1000}, "1,008 columns"),
     ({"rows": ["0,0,0,nan,1,0,0,0"]}, "up_m = nan in line 2"),
     ({"rows": [GOOD[0], "1.0,east,0,0,1,0,0,0"]}, "east_m = east in line 3"),
     ({"rows": [GOOD[0], "1.0,,0,0,1,0,0,0"]}, "east_m = nan in line 3"),
