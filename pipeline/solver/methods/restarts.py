@@ -82,7 +82,7 @@ def looks_alone(fit: Fit) -> bool:
     """Whether some camera looks when no other does: nothing contradicts it then, so that it fits whatever it says."""
     frames = fit.model.frames
     time = common_time_s(frames, fit.model.drift, fit.state.camera, fit.state.deviation)
-    seen = frames.seen.any(axis=1)
+    seen: Bools = np.asarray(frames.seen.any(axis=1))
     ends = []
     for c in range(len(frames.cameras)):
         own = time[frames.of(c)][seen[frames.of(c)]]
