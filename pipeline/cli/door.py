@@ -54,7 +54,7 @@ def _said(command: str, error: RunningFixError, console: Console) -> int:
     if console.as_json and not closed:
         try:
             console.result(failure(command, error), "")
-        except OutputClosedError:
+        except (OutputClosedError, OSError):  # a closed pipe; a full disk behind standard output
             closed = True
     if closed:
         silence_stdout()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
@@ -73,6 +74,8 @@ def run(arguments: Namespace, given: Sequence[str] = (), *, whole_process: bool 
     from pipeline.cli.door import check_arguments, mend_streams, through_door
 
     mend_streams()
+    if whole_process:
+        signal.signal(signal.SIGTERM, _interrupt)  # a scheduler's or a container's end is an interrupt like the user's
     age_s = process_age_s() if whole_process else 0.0
     console = Console(quiet=arguments.quiet, verbose=arguments.verbose, as_json=arguments.json, age_s=age_s)
 
@@ -84,6 +87,10 @@ def run(arguments: Namespace, given: Sequence[str] = (), *, whole_process: bool 
         return code
 
     return through_door(arguments.command, act, console)
+
+
+def _interrupt(_number: int, _frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

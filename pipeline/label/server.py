@@ -31,6 +31,9 @@ class LabelServer(ThreadingHTTPServer):
     daemon_threads = True
     token: str
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A client that goes away early, or never finishes, concerns nobody."""
+
     @property
     def address(self) -> str:
         """Where the page is."""
@@ -117,6 +120,10 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             asked = json.loads(body)
             act, target, camera = asked["act"], str(asked.get("target", "")), str(asked.get("camera", ""))
+            for name in (target, camera):
+                name.encode()  # half a character of JSON's is no text
+            if act not in ("set", "delete", "swap", "track"):
+                raise ValueError(act)
             if act == "set":
                 x, y, width, height = (float(v) for v in asked["box"])
                 box = Box(frame=int(asked["frame"]), x=x, y=y, width=width, height=height)

@@ -109,6 +109,8 @@ class LabelSession:
         """
         if not other.strip() or one == other:
             raise _wrong(camera, f"target name {other!r}", "the name of another target")
+        if camera not in self._readers:
+            raise _wrong(camera, "no camera of this name has a video", ", ".join(self._readers))
         self._edit(lambda text: boxes_swapped(text, camera, one, other))
 
     def start_tracking(self) -> None:

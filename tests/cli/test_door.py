@@ -157,6 +157,42 @@ def test_a_reader_that_goes_away(tmp_path):
     assert done.stderr.count(b"\n") == 1, done.stderr
 
 
+def test_a_command_that_is_told_to_end(tmp_path):
+    """As a scheduler or a container does it."""
+    script = """if True:
+        import os, signal, sys, time
+        from pipeline.cli import flights
+        from pipeline.cli.main import main
+
+        def run(*_):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(60)
+
+        flights.run = run
+        sys.argv = ["runningfix", "solve", "flight.toml", "-o", "out", "--json"]
+        sys.exit(main())
+    """
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, timeout=300, check=False)
+    assert done.returncode == 130
+    assert json.loads(done.stdout)["error"]["seen"] == "interrupted"
+    assert done.stderr.count(b"\n") == 1, done.stderr
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full is needed")
+def test_a_full_disk_behind_standard_output(tmp_path):
+    for command in (
+        ["board", "--board", "9x6", "--square-mm", "25", "-o", tmp_path / "b.svg"],
+        ["solve", "nothing.toml"],
+    ):
+        with open("/dev/full", "wb") as full:
+            done = subprocess.run(
+                [*PYTHON, *map(str, command), "--json"], stdout=full, stderr=subprocess.PIPE, timeout=300
+            )
+        assert done.returncode in (2, 3, 6), done.stderr
+        assert b"Traceback" not in done.stderr
+        assert done.stderr.count(b"\n") == 1, done.stderr
+
+
 def test_no_streams_at_all(tmp_path):
     """A file opened first must not become standard output or error of whatever prints."""
 

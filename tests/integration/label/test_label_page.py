@@ -222,6 +222,9 @@ def test_frames_are_the_videos_own_in_any_order(rendered, serve):
         b'{"act": "set", "camera": "uav1", "target": "' + b"t" * 5000 + b'", "frame": 0, "box": [5, 5, 20, 20]}',
         b'{"act": "set", "camera": "uav1", "target": "a\\nb", "frame": 0, "box": [5, 5, 20, 20]}',
         b'{"act": "set", "camera": ["uav1"], "target": {}, "frame": 0, "box": {}}',
+        b'{"act": "set", "camera": "uav1", "target": "\\ud800", "frame": 0, "box": [5, 5, 20, 20]}',
+        b'{"act": "fly", "camera": "uav1", "target": "t"}',
+        b'{"act": "swap", "camera": "nowhere", "target": "t", "with": "u"}',
     ],
 )  # fmt: skip
 def test_bad_requests_are_survived_and_the_file_left(flight, serve, body):
