@@ -7,11 +7,13 @@ parted    where the two part, the one whose look had become doubtful before is t
           the box starts again; of a target that does not keep its look it is always the surface point
 slide     whatever is followed and begins to move as the scene does, and was seen in the scene before, is lost since it
           was last certain (`slide`); what had been handed on since then is taken back
+told      so is a small target whose box something else left, or holds what the scene had there before (`told`)
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from calibration.foundation.arrays import Bools, Floats
 from pipeline.records import Box
 from pipeline.tracking.following.follow import begin, carry, follow, hide
 from pipeline.tracking.presence.slide import Trail, carried_trail, extended, first_trail, has_slid, is_other, proved
+from pipeline.tracking.presence.told import doubted_since, not_there, told
 from pipeline.tracking.records import changed
 from pipeline.tracking.scene.background import Scene
 from pipeline.tracking.settings import BOX_TRACKER, INSTANT_S, SLIDE, WATCH, TrackingSettings
@@ -155,7 +158,7 @@ def _of_late(trail: Trail, scene: Scene) -> Bools:
 def _cut(trail: Trail, kept: Bools) -> Trail:
     return changed(
         trail, frame=trail.frame[kept], time_s=trail.time_s[kept], own_px=trail.own_px[kept],
-        ground_px=trail.ground_px[kept], by_box=trail.by_box[kept], suspicious=0, slow=0,
+        ground_px=trail.ground_px[kept], by_box=trail.by_box[kept], suspicious=0, slow=0, left=None, behind=None,
     )  # fmt: skip
 
 
@@ -241,6 +244,10 @@ def _weighed(
     if float((np.abs(off) / sides).max()) <= WATCH.apart:
         share = WATCH.offset_share
         offset = watched.offset_px + share * (off - watched.offset_px)
+        if watched.doubted == scene.frame:  # what the two newly differ by is part of what the fix is worth
+            apart_px = float(np.hypot(*(off - watched.offset_px)))
+            here = replace(here, sigma_px=math.hypot(here.sigma_px, apart_px / math.sqrt(2)))
+            fixes = (*fixes[:-1], here)
         both = changed(watched, agreed=scene.frame, offset_px=offset, together=True)
         return _went(both, scene, here), Seen(fixes=fixes)
     sure = watched.together and abs(scene.frame - watched.doubted) > WATCH.memory_frames
@@ -274,26 +281,36 @@ def _slid(watched: Watched, seen: Seen, scene: Scene) -> tuple[Watched, Seen]:
     box_alone = not watched.together or not back
     doubtful = box_alone or abs(scene.frame - watched.doubted) < abs(scene.frame - trail.certain)
     slid = has_slid(trail, scene, watched.size_px, doubtful) if trail.frame[-1] == scene.frame else None
+    trail = told(trail, scene, watched.size_px)
+    watched = changed(watched, trail=trail)
+    slid = True if not_there(trail, scene) else slid
     if not slid:
         return (changed(watched, trail=proved(trail)) if slid is False else watched), seen
     size = float(np.sqrt(watched.size_px.prod()))
+    since = doubted_since(trail, scene)
     sure = np.abs(scene.frame - trail.frame) >= abs(scene.frame - trail.certain)
+    if since is not None:
+        sure &= np.abs(scene.frame - trail.frame) > abs(scene.frame - since)
+    back = back and since is None
     if sure.any():
         certain = int(np.flatnonzero(sure)[-1])
         dt_s = np.abs(trail.time_s - trail.time_s[certain])
-        expected = trail.ground_px[certain] + trail.velocity * dt_s[:, None]
+        velocity = np.nan_to_num(trail.velocity)
+        expected = trail.ground_px[certain] + velocity * dt_s[:, None]
         off = np.where(sure, 0.0, np.hypot(*(trail.ground_px - expected).T))
         strayed = np.maximum.accumulate(off) > SLIDE.kept_sizes * size
         bad = (~sure & (strayed | (not back))) | (trail.by_box & (~sure | _of_late(trail, scene)))
         place, lost_s = expected[-1], float(dt_s[-1])
     else:
         bad, place, lost_s = ~sure, watched.safe.course.position_px, watched.safe.lost_s
+        if since is not None:
+            lost_s = float(abs(trail.time_s[-1] - trail.time_s[0]))
     taken = tuple(int(f) for f in trail.frame[bad])
     if not back and watched.returned is not None:
         first, last = sorted((watched.returned, scene.frame))
         taken = tuple(range(first, last + 1))
     course = changed(
-        first_course(place, watched.course.length_px), velocity=trail.velocity,
+        first_course(place, watched.course.length_px), velocity=np.nan_to_num(trail.velocity),
         covariance=np.diag([(0.2 * size) ** 2, (0.5 * size) ** 2]),
     )  # fmt: skip
     surface = hide(changed(watched.safe, course=course), lost_s)

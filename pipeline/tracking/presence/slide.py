@@ -35,6 +35,14 @@ from pipeline.tracking.video.frames import Image
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Since:
+    """A frame by its number and time, from which on something has been so."""
+
+    frame: int
+    time_s: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Trail:
     """Where a target was in its last frames.
 
@@ -47,6 +55,8 @@ class Trail:
     certain_s      its time
     suspicious     frames in a row that look slid
     slow           frames in a row in which it went less far than it should have
+    left, behind   since when something went out of its box, and since when the scene had held what is there (`told`)
+    asked_s        when the latter was last asked
     pasts          pictures of it and what was around it, oldest first
     """
 
@@ -60,6 +70,9 @@ class Trail:
     certain_s: float
     suspicious: int = 0
     slow: int = 0
+    left: Since | None = None
+    behind: Since | None = None
+    asked_s: float = -math.inf
     pasts: tuple[Past, ...] = ()
 
 
@@ -219,7 +232,7 @@ def scene_or_target(trail: Trail, scene: Scene, size_px: Floats, place_px: Float
     away = np.linalg.solve(jacobian, then - own) / step
     beside = near if size >= SLIDE.telling_px else round(SLIDE.beside_sizes * size / step)
     far = math.ceil(float(np.abs(away).max())) + beside
-    match = _matches(scene.pixels, place_px, pixels, Warp(linear=jacobian, centre_px=own), size_px, step, far)
+    match = matches(scene.pixels, place_px, pixels, Warp(linear=jacobian, centre_px=own), size_px, step, far)
     there = slice(far - near, far + near + 1)
     same = float(match[there, there].max())
     match[there, there] = -1.0
@@ -235,13 +248,13 @@ def _as_before(trail: Trail, scene: Scene, size_px: Floats) -> bool:
     for past_from_cur, pixels, own in _earlier(trail, scene):
         _, jacobian = moved(past_from_cur, trail.own_px[-1])
         warp = Warp(linear=jacobian, centre_px=own)
-        match = _matches(scene.pixels, trail.own_px[-1], pixels, warp, size_px, step, 2)
+        match = matches(scene.pixels, trail.own_px[-1], pixels, warp, size_px, step, 2)
         if float(match.max()) > SLIDE.as_before:
             return True
     return False
 
 
-def _matches(
+def matches(
     image: Image, place_px: Floats, earlier: Image, warp: Warp, size_px: Floats, step_px: float, reach: int
 ) -> Floats:
     """Correlations of what is at a place now with an earlier picture, `reach` steps around a warp there."""

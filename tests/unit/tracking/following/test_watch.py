@@ -100,3 +100,24 @@ def test_a_box_that_looks_dim_for_a_moment_is_held_and_says_nothing(monkeypatch,
     assert (after.box is not None) is held
     if after.box is not None:
         np.testing.assert_array_equal(after.box.look, alone.box.look)
+
+
+@pytest.mark.parametrize("doubtful", [True, False])
+def test_what_box_and_surface_newly_differ_by_is_part_of_a_doubtful_fix(monkeypatch, doubtful) -> None:
+    pixels = next(walk(post=False))
+    x, y = centre(0) - (np.array(BODY) - 1) / 2
+    scene = Scene(frame=0, time_s=0.0, pixels=pixels, dt_s=0.1, cur_from_prev=np.eye(3), keys=())
+    box, settings = Box(frame=0, x=x, y=y, width=BODY[0], height=BODY[1]), TrackingSettings()
+    watched, _ = watching.begin_watch(scene, box, settings, None)
+    usual = np.array([1.01 + WATCH.score_drop if doubtful else 0.95, 0.9])
+    watched = changed(watched, surface=changed(watched.surface, usual=usual))
+    real, aside = watching.look_box, np.array([0.3 * BODY[0], 0.0])
+
+    def beside(*given):
+        found = real(*given)
+        return changed(found, centre_px=found.centre_px + aside)
+
+    monkeypatch.setattr(watching, "look_box", beside)
+    _, seen = watching.watch(watched, changed(scene, frame=1, time_s=1.0), settings)
+    (fix,) = seen.fixes
+    assert (fix.sigma_px > 0.2 * BODY[0]) is doubtful
