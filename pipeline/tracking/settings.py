@@ -93,10 +93,9 @@ class SlideSettings:
                     much it must beat the other where the track stands still, and where it has slowed down
     as_before       correlation with an earlier picture of a target that never left its place, above which it stood
                     there all the time; at 0.7 a tree beside it passes for it
-    ask_every_s     between comparisons of a small target with what the scene held; halved, tracking takes 2 % longer
+    ask_every_s     between comparisons of a small target with what the scene held; halved, these cost twice as much
     surely_scene, behind_margin  correlation with the scene, and by how much above that with the target, that speak
-                    against a small target whatever its way; where both are right 1 % of fixes reach them, for less
-                    than `sure_s`
+                    against a small target whatever its way, once they last `sure_s`
     seen_going_px   way over the ground after a long loss, as the target would have gone, that proves a small one
     kept_sizes      how far from the course of a certain target places may lie that are kept where it is lost later
     inner, sampled, finest_px, reach_sizes  the compared part of the box, samples on a side, their least distance, and
