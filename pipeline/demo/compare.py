@@ -78,7 +78,7 @@ def _clocks(results: Results, before: Solution, truth: Truth) -> list[Comparison
 def attitude_error_rad(found: PoseTrack, true: PoseTrack) -> Floats:
     """Rotation vectors (n, 3) from the true to the found attitude, at the frames both have."""
     _, mine, theirs = np.intersect1d(found.frame, true.frame, return_indices=True)
-    return rotation.log(rotation.multiply(rotation.conjugate(true.enu_from_cam[theirs]), found.enu_from_cam[mine]))
+    return rotation.turn(true.enu_from_cam[theirs], found.enu_from_cam[mine])
 
 
 def _attitudes(results: Results, truth: Truth) -> list[Comparison]:

@@ -90,6 +90,11 @@ def log(q: Floats) -> Floats:
     return np.asarray(2 * q[..., 1:] * np.where(small, 1.0, angle / np.where(small, 1.0, sine)))
 
 
+def turn(dst_from_first: Floats, dst_from_second: Floats) -> Floats:
+    """Rotation vector (..., 3) from one attitude to another, in axes of the first."""
+    return log(multiply(conjugate(dst_from_first), dst_from_second))
+
+
 def slerp(q0: Floats, q1: Floats, share: Floats) -> Floats:
     """The rotation a `share` (...,) of the shorter way from `q0` to `q1`, at constant angular rate."""
     step = log(multiply(q1, conjugate(q0)))

@@ -120,20 +120,12 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             asked = json.loads(body)
             act, target, camera = asked["act"], str(asked.get("target", "")), str(asked.get("camera", ""))
-            for name in (target, camera):
-                name.encode()  # half a character of JSON's is no text
-            if act not in ("set", "delete", "swap", "track"):
-                raise ValueError(act)
+            json.dumps(asked, ensure_ascii=False).encode()  # half a character of JSON's is no text
             if act == "set":
                 x, y, width, height = (float(v) for v in asked["box"])
                 box = Box(frame=int(asked["frame"]), x=x, y=y, width=width, height=height)
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-            raise UsageError(
-                where="label page",
-                seen="a request that cannot be read",
-                expected="act, target, camera",
-                advice="reload",
-            ) from None
+            raise _unreadable() from None
         if act == "set":
             self.work.set_box(target, camera, box)
         elif act == "delete":
@@ -142,6 +134,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.work.swap(camera, target, str(asked.get("with", "")))
         elif act == "track":
             self.work.start_tracking()
+        else:
+            raise _unreadable()
         return self.work.state()
 
     def _answer(self, make: Any) -> None:
@@ -182,3 +176,9 @@ def _whole(text: str | None) -> int:
         return int(text or "")
     except ValueError:
         return -1
+
+
+def _unreadable() -> UsageError:
+    return UsageError(
+        where="label page", seen="a request that cannot be read", expected="act, target, camera", advice="reload"
+    )

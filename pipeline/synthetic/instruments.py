@@ -142,4 +142,4 @@ def _local_from_origin_ned(platform: Platform, time_s: Floats, origin: Geodetic)
 def _body_rate(platform: Platform, time_s: Floats) -> Floats:
     step = 1e-3
     before, after = (body_pose(platform, time_s + s)[1] for s in (-step, step))
-    return np.asarray(rotation.log(rotation.multiply(rotation.conjugate(before), after)) / (2 * step))
+    return np.asarray(rotation.turn(before, after) / (2 * step))

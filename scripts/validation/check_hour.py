@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.batch.kept import session_bytes
 from scripts.validation.drawn_hours import LOOP_S, TARGETS, crossings, place, write_hours
 from scripts.validation.figures import tell
 
@@ -36,32 +36,13 @@ Look = tuple[float, str, float]
 """Seconds since the start, what is being done, MB."""
 
 
-def family(root: int) -> list[int]:
-    """A process and all below it."""
-    parents = {}
-    for entry in filter(str.isdecimal, os.listdir("/proc")):
-        with contextlib.suppress(OSError, IndexError, ValueError):
-            parents[int(entry)] = int(Path("/proc", entry, "stat").read_bytes().rpartition(b")")[2].split()[1])
-    found = [root]
-    for process in found:
-        found += [child for child, parent in parents.items() if parent == process]
-    return found
-
-
-def resident_mb(processes: list[int]) -> float:
-    """Memory of these processes now (Linux)."""
-    total = 0
-    for process in processes:
-        with contextlib.suppress(OSError, IndexError, ValueError):
-            total += int(Path("/proc", str(process), "statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    return total / 1e6
-
-
 def flown(flight: Path, out: Path) -> tuple[int, dict[str, object], list[Look]]:
     """Runs the command: its exit code, what it says as JSON, and its memory over time."""
     command = [sys.executable, "-m", "pipeline", "run", str(flight), "-o", str(out), "--json"]
     begin = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     doing, said = ["start"], [""]
 
     def listen() -> None:
@@ -79,9 +60,13 @@ def flown(flight: Path, out: Path) -> tuple[int, dict[str, object], list[Look]]:
     for thread in threads:
         thread.start()
     looks: list[Look] = []
-    while process.poll() is None:
-        looks.append((time.perf_counter() - begin, doing[0], resident_mb(family(process.pid))))
-        time.sleep(LOOK_EVERY_S)
+    try:
+        while process.poll() is None:
+            looks.append((time.perf_counter() - begin, doing[0], session_bytes(process.pid) / 1e6))
+            time.sleep(LOOK_EVERY_S)
+    finally:
+        if process.poll() is None:  # of a session of its own: an interrupt does not reach it
+            process.terminate()
     for thread in threads:
         thread.join()
     return process.returncode, json.loads(said[0] or "{}"), looks

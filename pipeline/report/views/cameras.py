@@ -44,8 +44,7 @@ def _turns_deg(measured: PoseTrack, refined: PoseTrack) -> tuple[Ints, Floats]:
     common, a, b = np.intersect1d(measured.frame, refined.frame, return_indices=True)
     at = participants.thinned(len(common), SAMPLES)
     before, after = measured.enu_from_cam[a[at]], refined.enu_from_cam[b[at]]
-    turn = rotation.log(rotation.multiply(rotation.conjugate(after), before))
-    return np.asarray(common[at], np.int64), np.degrees(turn)
+    return np.asarray(common[at], np.int64), np.degrees(rotation.turn(after, before))
 
 
 def _turn_panel(results: Results, camera: str, frames: Ints, turn_deg: Floats) -> Html:

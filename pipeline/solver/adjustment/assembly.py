@@ -87,9 +87,7 @@ def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[
 def linear(model: Model, state: State) -> Linear:
     """Normal equations and cost at `state`: one pass over the frames, some blocks at a time to bound the memory."""
     blocks, at = blocks_at(model, state)
-    count = len(blocks.camera)
-    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
-    ranges = [(low, min(low + chunk, count)) for low in range(0, count, chunk)]
+    ranges = block_ranges(model, blocks, CHUNK_BLOCKS)
     whole, cost, gain, kept = None, 0.0, 0.0, None
     for low, high in ranges:
         part, at_part = part_of(blocks, at, low, high)
@@ -131,6 +129,12 @@ def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
 def blocks_at_once(model: Model, blocks: Blocks, most: int) -> int:
     """How many blocks' matrices may be held at once, `most` at most."""
     return min(most, blocks_within(local_size(len(model.basis.targets), model.basis.degree, blocks)))
+
+
+def block_ranges(model: Model, blocks: Blocks, most: int) -> list[tuple[int, int]]:
+    """All blocks, as many at a time."""
+    chunk, count = blocks_at_once(model, blocks, most), len(blocks.camera)
+    return [(low, min(low + chunk, count)) for low in range(0, count, chunk)]
 
 
 def _seen(model: Model, blocks: Blocks) -> Bools:
@@ -208,9 +212,7 @@ def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Borde
     n, q, w = order.n_band, order.n_border, width_of(order, places)
     band, border, corner = np.zeros((w + 1) * n), np.zeros(n * q), np.zeros(q * q)
     gradient = np.zeros(n + q)
-    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
-    for low in range(0, len(blocks.camera), chunk):
-        high = min(low + chunk, len(blocks.camera))
+    for low, high in block_ranges(model, blocks, CHUNK_BLOCKS):
         chain = local_from_global(model, blocks, low, high)
         turned = np.swapaxes(chain, 1, 2)
         matrix = turned @ normals.normal[low:high] @ chain

@@ -20,8 +20,8 @@ from calibration.foundation.arrays import Floats
 from pipeline.records import Problem, Reason, Solution
 from pipeline.solver.adjustment.assembly import (
     Linear,
+    block_ranges,
     blocks_at,
-    blocks_at_once,
     global_places,
     linear,
     local_from_global,
@@ -121,9 +121,8 @@ def counted(model: Model, state: State, here: Linear, pull: Floats) -> Floats:
     from_data = pull.T @ here.data[0].times(pull)
     out = pull.T @ here.system.times(pull) - from_data
     each = np.zeros((int(cluster.max()) + 1, pull.shape[1]))
-    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
-    for low in range(0, len(blocks.camera), chunk):
-        part, at_part = part_of(blocks, at, low, min(low + chunk, len(blocks.camera)))
+    for low, high in block_ranges(model, blocks, CHUNK_BLOCKS):
+        part, at_part = part_of(blocks, at, low, high)
         gradient = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False).gradient
         chain = local_from_global(model, part, 0, len(part.camera))
         places = global_places(model, part)

@@ -245,36 +245,34 @@ def likelihood(fit: Fit) -> float:
     return float(-fit.cost - 0.5 * factor.log_determinant() + 0.5 * known)
 
 
-def _changing(parts: Mapping[int, Parts]) -> dict[int, Parts]:
-    """The same, with what the process does between its knots among what is new."""
-    return {c: replace(part, between=True) for c, part in parts.items()}
-
-
-def _bends(model: Model) -> bool:
-    """Whether some motion is free to follow what poses' errors do between knots."""
-    return any(t.kind == "spline" for t in model.basis.targets)
+def _ways(model: Model, smooth: Mapping[int, Parts]) -> tuple[Mapping[int, Parts], ...]:
+    """What smooth poses' errors may do, the first of which is begun with: last; last, and be new in every frame by what
+    the process does between its knots; be new in every frame after all. Only motions that are free to bend follow what
+    goes on between knots, so that the first is for these."""
+    changing = {c: replace(part, between=True) for c, part in smooth.items()}
+    bends = any(t.kind == "spline" for t in model.basis.targets)
+    return (smooth, changing, {}) if bends else (changing, {})
 
 
 def _best_of_smooth(
     problem: Problem, fit: Fit, smooth: Mapping[int, Parts], descend: Descend
 ) -> tuple[Fit, Mapping[int, Parts]]:
-    """What smooth poses' errors do: last, last and change between knots, or after all be new in every frame."""
+    """The likeliest of what smooth poses' errors may do, from a fit of the first."""
     if not smooth:
         return fit, smooth
-    first = smooth if _bends(fit.model) else _changing(smooth)
+    first, *others = _ways(fit.model, smooth)
     best, least, chosen = fit, likelihood(fit), first
-    for parts in (_changing(smooth), {}) if _bends(fit.model) else ({},):
+    for parts in others:
         trial = _with(problem, fit, parts, MISSED, descend)
-        if likelihood(trial) > least + CLEARLY:
-            best, least, chosen = trial, likelihood(trial), parts
+        worth = likelihood(trial)
+        if worth > least + CLEARLY:
+            best, least, chosen = trial, worth, parts
     return best, chosen
 
 
 def begun(problem: Problem, model: Model, state: State) -> tuple[Model, State]:
     """A start with the processes that are known before the data are looked at: given ones, and smooth poses'."""
-    parts = smooth_parts(problem)
-    if not _bends(model):
-        parts = _changing(parts)
+    parts = _ways(model, smooth_parts(problem))[0]
     if not parts and not any(_is_given(camera) for camera in problem.cameras):
         return model, state
     return _processed(problem, model, state, parts, MISSED)

@@ -40,13 +40,8 @@ def roughness(poses: PoseTrack) -> tuple[float, float] | None:
         return None
     place, q = poses.position_enu_m, poses.enu_from_cam
     bend = place[: -2 * k] - 2 * place[k:-k] + place[2 * k :]
-    turn = _turned(q[k:-k], q[2 * k :]) - _turned(q[: -2 * k], q[k:-k])
+    turn = rotation.turn(q[k:-k], q[2 * k :]) - rotation.turn(q[: -2 * k], q[k:-k])
     return _sigma(turn, even), _sigma(bend, even)
-
-
-def _turned(before: Floats, after: Floats) -> Floats:
-    """(n, 3) rotation vectors from one attitude to another, in axes of the first."""
-    return rotation.log(rotation.multiply(rotation.conjugate(before), after))
 
 
 def _sigma(second: Floats, even: Bools) -> float:

@@ -21,7 +21,7 @@ from pipeline.geometry.rotation import skew
 from pipeline.solver.observation.observations import across
 from pipeline.solver.observation.symmetric import solved
 from pipeline.solver.offset_search.sweep import ClockGuess, ClockRange, SetCamera, lowest_within
-from pipeline.solver.offset_search.views import Track, View, thinned
+from pipeline.solver.offset_search.views import Track, View, share_together, thinned
 
 COARSE = 100
 """Sightings by one camera in the coarse search, all targets together; of each target at least twenty."""
@@ -228,8 +228,7 @@ def _together(mid_s: Floats, half_s: float, placed: Sequence[SetCamera]) -> Floa
     best = np.zeros(len(mid_s))
     for p in placed:
         low, high = np.array(p.view.span_s) * p.clock_scale + p.offset_s
-        both = np.minimum(mid_s + half_s, high) - np.maximum(mid_s - half_s, low)
-        best = np.maximum(best, both / max(min(high - low, 2 * half_s), 1e-9))
+        best = np.maximum(best, share_together((mid_s - half_s, mid_s + half_s), (low, high)))
     return best
 
 

@@ -31,7 +31,7 @@ from pipeline.solver.offset_search.crossing import ClockPrior, Hypothesis, clock
 from pipeline.solver.offset_search.frame_sets import FrameSet, Whitening, frames_of, whitening
 from pipeline.solver.offset_search.polynomial import project_motion, stacked_rows
 from pipeline.solver.offset_search.sweep import ClockRange
-from pipeline.solver.offset_search.views import View
+from pipeline.solver.offset_search.views import View, share_together
 
 FRAMES = 500
 """Frames of all cameras together that are adjusted, at least sixty of each."""
@@ -169,13 +169,10 @@ def _fit(setup: _Setup, point: _Point, cost: float, normal: Floats) -> Hypothesi
 def _overlap(setup: _Setup, point: _Point) -> float:
     """Smallest share, over the cameras, in which some other camera looks too, of the shorter of both spans."""
     spans = [np.array(v.span_s) * c[1] + c[0] for v, c in zip(setup.views, point.clock, strict=True)]
-    shares = []
-    for i, (low, high) in enumerate(spans):
-        both = [
-            (min(high, b) - max(low, a)) / max(min(high - low, b - a), 1e-9) for j, (a, b) in enumerate(spans) if j != i
-        ]
-        shares.append(max([0.0, *both]))
-    return float(min(shares))
+    return min(
+        max([0.0, *(float(share_together(one, other)) for j, other in enumerate(spans) if j != i)])
+        for i, one in enumerate(spans)
+    )
 
 
 def _start(

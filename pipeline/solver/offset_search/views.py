@@ -7,6 +7,7 @@ eq. 4), both in ENU. The search works on rays alone: lens, frames and quaternion
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -190,3 +191,9 @@ def thinned(track: Track, step_s: float, most: int) -> Track:
     if len(first) > most:
         first = first[np.linspace(0, len(first) - 1, most).round().astype(np.int64)]
     return track.taken(first)
+
+
+def share_together(one_s: Sequence[Floats] | Floats, other_s: Sequence[Floats] | Floats) -> Floats:
+    """Of two spans of common time (first, last), each (...,), the share of the shorter in which both go on."""
+    both = np.minimum(one_s[1], other_s[1]) - np.maximum(one_s[0], other_s[0])
+    return np.asarray(both / np.maximum(np.minimum(one_s[1] - one_s[0], other_s[1] - other_s[0]), 1e-9))

@@ -114,7 +114,7 @@ def log_turning(log: FlightLog, mount: Mount, lever_arm_m: Floats, origin: Geode
     )  # fmt: skip
     place, attitude = np.full((len(time), 3), np.nan), np.full((len(time), 4), np.nan)
     place[used], attitude[used] = poses.position_enu_m, poses.enu_from_cam
-    turn = rotation.log(rotation.multiply(rotation.conjugate(attitude[1:]), attitude[:-1]))
+    turn = rotation.turn(attitude[1:], attitude[:-1])
     moved = rotation.rotate(rotation.conjugate(attitude[:-1]), np.diff(place, axis=0))
     down = rotation.rotate(rotation.conjugate(attitude[:-1]), np.array([0.0, 0.0, -1.0]))
     with np.errstate(invalid="ignore"):

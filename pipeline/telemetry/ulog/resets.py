@@ -28,7 +28,7 @@ def reset_notes(topics: dict[str, Topic]) -> tuple[str, ...]:
     if turn is not None:
         q = np.stack([floats(turn, f"q[{i}]") for i in range(4)], axis=1)
         angle = np.zeros(len(q))
-        angle[1:] = np.linalg.norm(rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])), axis=1)
+        angle[1:] = np.linalg.norm(rotation.turn(q[:-1], q[1:]), axis=1)
         angle[2:] = np.abs(angle[2:] - angle[1:-1])
         said = [f"{degrees:.1f} degrees" for degrees in np.degrees(angle)]
         notes += _said("attitude", "quat_reset_counter", turn, angle > LEAST_RAD, said)
