@@ -322,7 +322,7 @@ def _processed(
         * np.divide(model.pose.spread, spread, out=np.zeros(spread.shape), where=spread > 0)[model.frames.camera]
     )
     start = replace(state, own=own, wander=_carried(model, state, model.frames, wander.knot_s, wander.first))
-    return model.changed(wander=wander, pose=pose), start
+    return model.changed(wander=wander if wander.count else None, pose=pose), start
 
 
 def _sizes(problem: Problem, parts: Mapping[int, Parts], process: Process) -> tuple[Floats, Floats, Bools]:

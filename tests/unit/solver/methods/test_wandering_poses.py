@@ -8,8 +8,11 @@ import pytest
 from pipeline.records import SolverSettings
 from pipeline.solver import solve
 from pipeline.solver.adjustment.levenberg_marquardt import levenberg_marquardt
+from pipeline.solver.judgement.changes import stepped
 from pipeline.solver.methods import wandering_poses
+from pipeline.solver.methods.parameters import first_camera, first_choice, first_model
 from pipeline.solver.methods.wandering_poses import CLEARLY, MISSED, Parts, begun, smooth_parts, with_wandering_poses
+from pipeline.solver.observation.observations import pack
 from pipeline.synthetic.scenes import paper_scene
 from pipeline.synthetic.simulate import PAPER_LOW, simulate
 from scripts.validation.check_ordinary_flights import drawn, score
@@ -69,3 +72,20 @@ def test_flights_whose_receivers_walk_come_out_within_their_claims(walk, seed):
     assert 0.1 < found.ratio < 2.5
     assert found.offset_sigmas < 3
     assert {f.subject for f in solution.findings if f.kind == "wandering-poses"} >= {"uav1", "uav2"}
+
+
+def test_poses_that_are_new_in_every_frame_after_all_have_no_process():
+    """A process without knots was left, and a camera tried in two parts had none of its own in it."""
+    problem = drawn(6200, "gnss10").problem
+    frames = pack(problem)
+    choice = first_choice(problem)
+    model, state = first_model(problem, SolverSettings(), frames, choice, first_camera(problem, {}, {}))
+    lasting, begun_state = begun(problem, model, state)
+    assert lasting.wander.count == len(begun_state.wander) > 0
+    white, white_state = wandering_poses._processed(problem, lasting, begun_state, {}, MISSED)
+    assert white.wander is None
+    assert white_state.wander.shape == (0, 6)
+    np.testing.assert_array_equal(white.pose.spread, model.pose.spread)
+    assert stepped(white, 0, int(frames.frame[frames.of(0)][40]), "position").apply(white).frames.cameras[:2] == (
+        "uav1", "uav1",
+    )  # fmt: skip
