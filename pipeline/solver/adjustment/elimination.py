@@ -88,6 +88,7 @@ class At:
     """Where to linearise: `series` (B, N, 3, K + 1), `bias` (B, 6) of every block, `focal` (C,), `own` (F, 6).
 
     camera (C, W): the cameras' parameters, of which the place errors are taken
+    shift  (F, N, 2) what these add to the residuals, where it is known already
     """
 
     series: Floats
@@ -95,6 +96,7 @@ class At:
     focal: Floats
     own: Floats
     camera: Floats
+    shift: Floats | None = None
 
     @property
     def placed(self) -> bool:
@@ -164,7 +166,7 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
     found = linearise(frames, part, position, error, at.focal[camera])
     residual = found.residual
     if at.placed and frames.angular:
-        residual = residual + place_shift(frames, part, at.camera)
+        residual = residual + (place_shift(frames, part, at.camera) if at.shift is None else at.shift[part])
     square = (residual**2).sum(-1)
     root = np.repeat(np.sqrt(loss.weight(square)), 2, axis=1)
     placed = frames.place_gain[part] if at.placed else None
@@ -359,7 +361,7 @@ def _point(frames: Frames, at: At, blocks: Blocks) -> Point:
     if not at.placed:
         shift = np.zeros((0, len(frames.targets), 2))
     elif frames.angular:
-        shift = place_shift(frames, slice(None), at.camera)
+        shift = place_shift(frames, slice(None), at.camera) if at.shift is None else at.shift
     else:
         shift = np.zeros((frames.count, len(frames.targets), 2))
     return Point(at.series, at.bias, at.focal[blocks.camera], at.own, shift)
