@@ -109,7 +109,7 @@ def assemble(order: Order, seen: Seen, normals: BlockNormals) -> Bordered:
     if not _kernels.AVAILABLE:
         return assemble_plain(order, seen, normals)
     band, border, corner, gradient = _assembly.assemble(
-        normals.normal, normals.gradient, seen.transform, seen.degree, seen.row, seen.blocks.local_from_camera,
+        normals.normal, normals.gradient, seen.transform, seen.degree, seen.row, seen.local_from_camera,
         seen.places, order.n_band, order.n_border, width_of(order, seen.places),
     )  # fmt: skip
     return Bordered(band=band, border=border, corner=corner, gradient=gradient)
@@ -235,5 +235,5 @@ def local_step(seen: Seen, step: Floats) -> Floats:
         turned = np.swapaxes(seen.transform[seen.row, n, :, : degree + 1], 1, 2)
         out.append((own @ turned).reshape(len(chosen), -1))
         column += wide
-    out.append((seen.blocks.local_from_camera @ chosen[:, column:, None])[..., 0])
+    out.append((seen.local_from_camera @ chosen[:, column:, None])[..., 0])
     return np.concatenate(out, axis=1)

@@ -22,8 +22,8 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment import _kernels
 from pipeline.solver.adjustment._kernels import Loosely, Observed, Point, Runs
-from pipeline.solver.observation.clocks import CAMERA_PARAMETERS
-from pipeline.solver.observation.frame_blocks import Blocks
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, PLACE_PARAMETERS
+from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.residuals import Linearised, linearise, place_shift
 
@@ -187,7 +187,7 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
 def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
     """See the head of this file; numpy only."""
     n_blocks, n_targets, degree = len(blocks.camera), len(frames.targets), at.series.shape[-1] - 1
-    size = local_size(n_targets, degree, blocks)
+    size = local_size(n_targets, degree, at.placed)
     normal, gradient = np.zeros((n_blocks, size, size)), np.zeros((n_blocks, size))
     powers, place = _local_powers(n_targets, degree, at.placed)
     cost = gain = 0.0
@@ -238,9 +238,9 @@ def blocks_within(size: int) -> int:
     return max(1, CHUNK_BYTES // (8 * size * size))
 
 
-def local_size(targets: int, degree: int, blocks: Blocks) -> int:
+def local_size(targets: int, degree: int, placed: bool) -> int:
     """Local unknowns of a block: every target's power series by axis, and the columns that cameras' parameters move."""
-    return 3 * targets * (degree + 1) + int(blocks.local_from_camera.shape[1])
+    return 3 * targets * (degree + 1) + LOCAL_COLUMNS + (PLACE_PARAMETERS * targets if placed else 0)
 
 
 def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
@@ -248,7 +248,7 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
     out = np.zeros((frames.count, 6))
     n_targets, degree = len(frames.targets), at.series.shape[-1] - 1
     powers, place = _local_powers(n_targets, degree, at.placed)
-    for low, high in _chunks(blocks, local_size(n_targets, degree, blocks)):
+    for low, high in _chunks(blocks, local_size(n_targets, degree, at.placed)):
         part, _, _, H, E, h, _ = _weighted(frames, pose, loss, at, blocks, low, high)
         scaled = step[_frame_index(blocks, low, high)] * blocks.u[part][:, None] ** powers
         dz = np.zeros((len(scaled), int(place.max()) + 1))
@@ -315,7 +315,7 @@ def frame_steps(
     if kept is not None:
         _kernels.kept_steps(kept, rated, rolled, at.placed, pose.spread, runs, at.series, step, out, out)
         return out
-    size = local_size(len(frames.targets), at.series.shape[-1] - 1, blocks)
+    size = local_size(len(frames.targets), at.series.shape[-1] - 1, at.placed)
     for low, high in _chunks(blocks, size):
         part = Runs(runs.begin[low : high + 1], runs.camera[low:high], runs.u, runs.half_s[low:high])
         own = kept_room(frames, part.begin, at.placed, ANY)

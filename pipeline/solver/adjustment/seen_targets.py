@@ -15,7 +15,7 @@ from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.solver.adjustment.elimination import At, BlockNormals, block_normals, blocks_within, local_size
 from pipeline.solver.adjustment.model import Model, Order
 from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, PLACE_PARAMETERS
-from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks
+from pipeline.solver.observation.frame_blocks import Blocks, with_places
 from pipeline.solver.observation.motion_basis import MotionBasis
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.residuals import place_shift
@@ -31,6 +31,7 @@ class Seen:
     target     (B, W) which of the model's; None: all of them in every block
     transform  (R, W, K + 1, K + 1) from the targets' acting coefficients to power series; `row` (B,) a block's
     degree     (W,) how many of a target's columns there are its own, less one
+    local_from_camera  (B, ., .) of the blocks, with the place errors of the targets
     places     (B, G) where its targets' acting coefficients (target, axis, coefficient) and its parameters sit
     """
 
@@ -41,6 +42,7 @@ class Seen:
     transform: Floats
     row: Ints
     degree: Ints
+    local_from_camera: Floats
     places: Ints
 
     def part(self, low: int, high: int) -> Seen:
@@ -48,7 +50,10 @@ class Seen:
         own = slice(low, high)
         blocks, at = part_of(self.blocks, self.at, low, high)
         target = None if self.target is None else self.target[own]
-        return replace(self, blocks=blocks, at=at, target=target, row=self.row[own], places=self.places[own])
+        return replace(
+            self, blocks=blocks, at=at, target=target, row=self.row[own], places=self.places[own],
+            local_from_camera=self.local_from_camera[own],
+        )  # fmt: skip
 
     def parts(self, most: int) -> Iterator[Seen]:
         """All blocks, as many at a time as their matrices may be held at once, `most` at most."""
@@ -61,7 +66,7 @@ class Seen:
 
     def at_once(self, most: int) -> int:
         """How many blocks' matrices may be held at once, `most` at most."""
-        return min(most, blocks_within(local_size(len(self.degree), self.transform.shape[2] - 1, self.blocks)))
+        return min(most, blocks_within(local_size(len(self.degree), self.transform.shape[2] - 1, self.at.placed)))
 
     def normals(self, model: Model, *, keep: bool = False) -> BlockNormals:
         """Normal equations of every block."""
@@ -70,7 +75,7 @@ class Seen:
     def chain(self) -> Floats:
         """(B, L, G): the chain rule from the unknowns of `places` to the local ones."""
         targets, powers = self.transform.shape[1:3]
-        _, columns, parameters = self.blocks.local_from_camera.shape
+        _, columns, parameters = self.local_from_camera.shape
         width = 3 * int((self.degree + 1).sum())
         out = np.zeros((len(self.row), 3 * powers * targets + columns, width + parameters))
         row = column = 0
@@ -79,7 +84,7 @@ class Seen:
             for _ in range(3):
                 out[:, row : row + powers, column : column + degree + 1] = own
                 row, column = row + powers, column + degree + 1
-        out[:, row:, column:] = self.blocks.local_from_camera
+        out[:, row:, column:] = self.local_from_camera
         return out
 
 
@@ -91,6 +96,7 @@ def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
         segment=blocks.segment[own], cluster=blocks.cluster[own], half_s=blocks.half_s[own],
         local_from_camera=blocks.local_from_camera[own],
         wander=None if blocks.wander is None else blocks.wander[own],
+        place=None if blocks.place is None else blocks.place[own],
     )  # fmt: skip
     return part, replace(at, series=at.series[own], bias=at.bias[own])
 
@@ -146,31 +152,29 @@ def every_target(model: Model, blocks: Blocks, at: At) -> Seen:
     """`blocks` with all targets of the model in each."""
     return Seen(
         frames=model.frames, blocks=blocks, at=at, target=None, transform=model.basis.transforms, row=blocks.span,
-        degree=model.basis.degrees, places=global_places(model, blocks),
+        degree=model.basis.degrees, local_from_camera=with_places(blocks, len(model.basis.targets)),
+        places=global_places(model, blocks),
     )  # fmt: skip
 
 
 def _together(model: Model, blocks: Blocks, at: At, seen: Bools, target: Ints) -> Seen:
     """The blocks with the targets (B, W) alone; what else fills the width is seen by none of the block's frames."""
-    width, order, count = target.shape[1], model.order, len(model.basis.targets)
+    width, order = target.shape[1], model.order
     by_frame = np.repeat(target, np.diff(blocks.begin), axis=0)
     shift = None
     if at.placed and model.frames.angular:
         shift = _of(place_shift(model.frames, slice(None), at.camera), by_frame)
-    rows, columns = _kept(blocks.local_from_camera.shape[1:], at.placed, target, count)
-    mine = np.concatenate([order.camera[blocks.camera], *_knots(order, blocks)], axis=1)
-    every = np.arange(len(target))[:, None]
+    acting, knots = _acting(model.basis, order, blocks, seen, target), _knots(order, blocks)
     return Seen(
         frames=_frames(model.frames, by_frame),
-        blocks=replace(
-            blocks, local_from_camera=blocks.local_from_camera[every[..., None], rows[:, :, None], columns[:, None]]
-        ),
+        blocks=blocks,
         at=replace(at, series=_of(at.series, target), shift=shift),
         target=target,
         transform=model.basis.transforms[blocks.span[:, None], target],
         row=np.arange(len(target)),
         degree=np.full(width, model.basis.degree),
-        places=np.concatenate([_acting(model.basis, order, blocks, seen, target), mine[every, columns]], axis=1),
+        local_from_camera=with_places(blocks, width),
+        places=np.concatenate([acting, order.camera[blocks.camera[:, None], _mine(at, target)], *knots], axis=1),
     )
 
 
@@ -193,19 +197,13 @@ def _frames(frames: Frames, target: Ints) -> Frames:
     )  # fmt: skip
 
 
-def _kept(shape: tuple[int, ...], placed: bool, target: Ints, count: int) -> tuple[Ints, Ints]:
-    """(B, .) the rows and columns of `local_from_camera` that the targets (B, W) need: place errors are by target."""
-
-    def chosen(first: int, length: int) -> Ints:
-        places = (first + PLACE_PARAMETERS * target[..., None] + np.arange(PLACE_PARAMETERS)).reshape(len(target), -1)
-        after = np.arange(first + PLACE_PARAMETERS * count, length)
-        wide = [np.broadcast_to(each, (len(target), len(each))) for each in (np.arange(first), after)]
-        return np.concatenate([wide[0], places, wide[1]], axis=1)
-
-    if not placed:
-        every = [np.broadcast_to(np.arange(length), (len(target), length)) for length in shape]
-        return every[0], every[1]
-    return chosen(LOCAL_COLUMNS, shape[0]), chosen(CAMERA_PARAMETERS, shape[1])
+def _mine(at: At, target: Ints) -> Ints:
+    """(B, .) the cameras' parameters that the targets (B, W) need: place errors are by target."""
+    first = np.broadcast_to(np.arange(CAMERA_PARAMETERS), (len(target), CAMERA_PARAMETERS))
+    if not at.placed:
+        return first
+    places = CAMERA_PARAMETERS + PLACE_PARAMETERS * target[..., None] + np.arange(PLACE_PARAMETERS)
+    return np.concatenate([first, places.reshape(len(target), -1)], axis=1)
 
 
 def _acting(basis: MotionBasis, order: Order, blocks: Blocks, seen: Bools, target: Ints) -> Ints:
