@@ -25,6 +25,7 @@ OWN_MODULES = (
     "experiment",
     "inspect",
     "label",
+    "landmarks",
     "match",
     "new",
 )
