@@ -37,7 +37,7 @@ def test_every_stage_has_one():
 
 def test_cells_are_run_as_a_notebook_runs_them(tmp_path):
     (tmp_path / "word.txt").write_text("hello")
-    source = ["a = open('word.txt').read()\n", "print(a)\n", "a * 2"]
+    source = ["from pathlib import Path\n", "a = Path('word.txt').read_text()\n", "print(a)\n", "a * 2"]
     cells = [{"cell_type": "markdown", "source": ["x"]}, {"cell_type": "code", "source": source},
              {"cell_type": "code", "source": ["len(a);"]}]  # fmt: skip
     done = executed({"cells": cells}, tmp_path)["cells"]

@@ -91,8 +91,10 @@ USE_IT = """
   const choose = (pane, name) => { pane.target.value = name; pane.target.dispatchEvent(new Event("change")); };
   choose(panes[0], "target1");
   const seen = panes[0].canvas.getBoundingClientRect(), unit = seen.width / panes[0].canvas.width;
-  const [bx, by, bw, bh] = BOXES[0], middle = { clientX: seen.left + (bx + bw / 2) * unit, clientY: seen.top + (by + bh / 2) * unit };
-  const wheel = () => panes[0].canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -500, cancelable: true, ...middle }));
+  const [bx, by, bw, bh] = BOXES[0];
+  const clientX = seen.left + (bx + bw / 2) * unit, clientY = seen.top + (by + bh / 2) * unit;
+  const wheel = () =>
+    panes[0].canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -500, cancelable: true, clientX, clientY }));
   wheel();
   done.push(panes[0].view.zoom);
   panes[0].canvas.focus();
@@ -101,7 +103,8 @@ USE_IT = """
   await drag(panes[0], BOXES[0]);
   const moved = panes[0].view.x;
   for (const [kind, x] of [["pointerdown", 0], ["pointermove", 20], ["pointerup", 20]])
-    panes[0].canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, shiftKey: true, clientX: middle.clientX + x, clientY: middle.clientY }));
+    panes[0].canvas.dispatchEvent(
+      new PointerEvent(kind, { pointerId: 1, shiftKey: true, clientX: clientX + x, clientY }));
   done.push(panes[0].view.x < moved && panes[0].drag === null);
   panes[0].canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "0" }));
   done.push(panes[0].view.zoom);
