@@ -123,7 +123,10 @@ def _leverages(
 
 
 def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: Linearised) -> tuple[Floats, Ints]:
-    """Derivatives (f, N, 2, G) by all that is not a frame's own, and the places (f, G) of those unknowns."""
+    """Derivatives (f, N, 2, G) by all that is not a frame's own, and the places (f, G) of those unknowns.
+
+    -1 where they are held, and for targets that are not seen: these may lie beyond the band (`assembly.width_of`).
+    """
     frames, basis, drift = model.frames, model.basis, model.drift
     f, n = frames.seen[chosen].shape
     span = basis.span(time_s)
@@ -139,6 +142,7 @@ def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: L
         block[:, k] = line.by_position[:, k, :, :, None] * value[:, None, None, :]
         columns.append(block.reshape(f, n, 2, -1))
         acting = model.order.coefficient[t.active[span][:, None] + np.arange(t.degree + 1)]
+        acting = np.where(frames.seen[chosen, k][:, None, None], acting, -1)
         places.append(np.swapaxes(acting, 1, 2).reshape(f, -1))
     log_time = by_time + line.by_pose_time
     tau = frames.video_s[chosen]

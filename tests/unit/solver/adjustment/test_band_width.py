@@ -5,10 +5,13 @@ import pytest
 
 from pipeline.solver.adjustment import assembly, elimination
 from pipeline.solver.adjustment.assembly import blocks_at, blocks_at_once, linear, local_from_global
+from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.elimination import block_normals
 from pipeline.solver.judgement import common_steps
 from pipeline.solver.methods.parameters import MotionChoice, basis_at
 from pipeline.solver.observation.clocks import OFFSET, common_time_s
+from pipeline.solver.uncertainty.covariance import Inverse
+from pipeline.solver.uncertainty.redundancy import redundancy_table
 from tests.scenes.solver import changed, rich_model
 
 
@@ -103,3 +106,15 @@ def test_sums_from_the_end_are_those_of_all_blocks(monkeypatch):
         for b in after:
             wanted[:, where[b]] += normals.normal[b, pose] @ chain[b]
         np.testing.assert_allclose(coupling[k], wanted[:, :-1], atol=1e-9 * np.abs(coupling).max())
+
+
+def test_redundancies_of_targets_that_follow_each_other_ask_for_nothing_beyond_the_band():
+    model, state = one_after_the_other()
+    system = linear(model, state).system
+    covariance = Inverse(factor=factorise(system.damped(0.1 * system.diagonal)))
+    square = np.zeros(model.frames.seen.shape)
+    table = redundancy_table(model, state, covariance, square)
+    assert len(system.band) < model.order.n_band / 3  # targets of the first and the last quarter do not meet in it
+    assert np.isfinite(table.left).all()
+    assert (table.left <= table.seen).all()
+    assert (table.left.sum(axis=0) > 0).all()
