@@ -84,6 +84,9 @@ def adjust(
     def finely(model: Model, state: State) -> Fit:
         return levenberg_marquardt(model, state, replace(descent, damping=WARM))
 
+    def simple() -> Fit:
+        return parabolas(beginning, found[:TRIED])
+
     def settle(fit: Fit) -> Settled:
         if fit.status == "iteration-limit" and len(found) > 1:
             fit = continued(fit, descent)
@@ -95,7 +98,7 @@ def adjust(
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)
-        chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]), alone)
+        chosen = choose_motions(problem, choice, fit, warm, finely, simple, alone)
         fit = along_the_ground(problem, with_estimated_priors(chosen.fit, descent), finely)
         if has_estimated_priors(fit):
             fit = continued(fit, replace(descent, damping=WARM), small=FINELY)

@@ -28,7 +28,7 @@ from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
-from pipeline.solver.methods.initialisation import residual_lengths
+from pipeline.solver.methods.initialisation import differ, residual_lengths
 from pipeline.solver.methods.lone_stretches import Lone
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import common_time_s
@@ -57,10 +57,12 @@ class Chosen:
 
 
 def choose_motions(
-    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, simple: Callable[[], Fit], alone: Lone
-) -> Chosen:
+    problem: Problem, choice: MotionChoice, fit: Fit, tell: Descend, descend: Descend, simple: Callable[[], Fit],
+    alone: Lone,
+) -> Chosen:  # fmt: skip
     """From an adjustment with splines for all targets whose motion the data shall say.
 
+    `tell` goes down as far as tests of orders need, `descend` to what is kept.
     `simple` is another one, with parabolas: where little tells the time, splines may have lost their way. `alone` is
     what one camera alone sees, which splines do without.
     """
@@ -68,14 +70,14 @@ def choose_motions(
     if not asked:
         return Chosen(choice=choice, fit=fit, findings=())
     lone = [n for n in asked if choice.kinds[n] == "polynomial"]
-    choice, fit = _raised(choice, fit, lone, descend, alone)
+    choice, fit = _raised(choice, fit, lone, tell, alone)
     free = [n for n in asked if n not in lone]
     beyond = _beyond(fit, free)
     tried = [n for n in free if beyond[n] > SCREENED]
     found = choice, fit
-    starts = [fit, _alike(simple(), fit)] if tried else []
+    starts = _starts(fit, simple) if tried else []
     while tried:
-        lowered = _lowered(choice, starts, tried, descend, alone)
+        lowered = _lowered(choice, starts, tried, tell, alone)
         rich = [n for n in tried if lowered is None or lowered.orders[n] > HIGHEST]
         if lowered is not None and not rich:
             held = _held(choice, fit, lowered, descend, alone)
@@ -103,6 +105,15 @@ def _raised(
         if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < DEAR:
             return choice, fit
         choice, fit = best
+
+
+def _starts(fit: Fit, simple: Callable[[], Fit]) -> list[Fit]:
+    """Adjustments to go on from: the one with splines, and the simple one where its clocks are others.
+
+    At the same clocks both lead to one optimum, since motions enter nearly linearly.
+    """
+    other = simple()
+    return [fit, _alike(other, fit)] if differ(other, fit) else [fit]
 
 
 def _alike(start: Fit, fit: Fit) -> Fit:
