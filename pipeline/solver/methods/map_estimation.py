@@ -98,7 +98,7 @@ def adjust(
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)
-        chosen = choose_motions(problem, choice, fit, warm, finely, simple, alone)
+        chosen = choose_motions(problem, choice, fit, finely, simple, alone)
         fit = along_the_ground(problem, with_estimated_priors(chosen.fit, descent), finely)
         if has_estimated_priors(fit):
             fit = continued(fit, replace(descent, damping=WARM), small=FINELY)

@@ -57,12 +57,10 @@ class Chosen:
 
 
 def choose_motions(
-    problem: Problem, choice: MotionChoice, fit: Fit, tell: Descend, descend: Descend, simple: Callable[[], Fit],
-    alone: Lone,
-) -> Chosen:  # fmt: skip
+    problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, simple: Callable[[], Fit], alone: Lone
+) -> Chosen:
     """From an adjustment with splines for all targets whose motion the data shall say.
 
-    `tell` goes down as far as tests of orders need, `descend` to what is kept.
     `simple` is another one, with parabolas: where little tells the time, splines may have lost their way. `alone` is
     what one camera alone sees, which splines do without.
     """
@@ -70,14 +68,14 @@ def choose_motions(
     if not asked:
         return Chosen(choice=choice, fit=fit, findings=())
     lone = [n for n in asked if choice.kinds[n] == "polynomial"]
-    choice, fit = _raised(choice, fit, lone, tell, alone)
+    choice, fit = _raised(choice, fit, lone, descend, alone)
     free = [n for n in asked if n not in lone]
     beyond = _beyond(fit, free)
     tried = [n for n in free if beyond[n] > SCREENED]
     found = choice, fit
     starts = _starts(fit, simple) if tried else []
     while tried:
-        lowered = _lowered(choice, starts, tried, tell, alone)
+        lowered = _lowered(choice, starts, tried, descend, alone)
         rich = [n for n in tried if lowered is None or lowered.orders[n] > HIGHEST]
         if lowered is not None and not rich:
             held = _held(choice, fit, lowered, descend, alone)
