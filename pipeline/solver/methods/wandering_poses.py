@@ -278,6 +278,14 @@ def begun(problem: Problem, model: Model, state: State) -> tuple[Model, State]:
     return _processed(problem, model, state, parts, MISSED)
 
 
+def with_lasting(problem: Problem, model: Model, state: State, camera: int, process: Process) -> tuple[Model, State]:
+    """The model in which one camera's moving errors last as `process` says, besides what is new in every frame."""
+    lasting = np.zeros(6)
+    lasting[ROT], lasting[POS] = float(process.attitude > 0), float(process.position > 0)
+    parts = {**smooth_parts(problem), camera: Parts(new=np.ones(6), lasting=lasting, process=process, between=False)}
+    return _processed(problem, model, state, parts, MISSED)
+
+
 def smooth_parts(problem: Problem) -> dict[int, Parts]:
     """Of cameras whose measured poses are smoother than errors new in every frame could be: what is new, what lasts."""
     out = {}
