@@ -1,14 +1,14 @@
 """Whether free motions are what poses did: targets that all look lively, and all go simply once a claim is larger.
 
-Splines follow whatever time-varying thing cameras have wrong, and fit as well as if targets moved so; no residual is
-left to tell it. But that several targets wind where one error of one camera would let every one of them go straight or
-along a parabola is no accident. So where splines are taken for several targets, all are tried as polynomials of order
-`SIMPLE` with one claim enlarged:
+Splines and polynomials of high order follow whatever cameras have wrong that changes in time, and fit as well as if
+targets moved so; no residual is left to tell it. But that several targets wind where one error of one camera would let
+every one of them go straight or along a parabola is no accident. So where several targets are given more than order
+`SIMPLE`, all are tried with that and one claim enlarged:
 
     biases    all cameras' constant errors, or
     lasting   the attitude's or the position's moving error of one camera, as a process
 
-Where they then fit as well as the splines did, by as many degrees of freedom as they save, and do not without, that is
+Where they then fit as well as before, by as many degrees of freedom as they save, and do not without, that is
 said; nothing is changed. Real turns and stops, each at its own time and place, no error of a camera explains.
 """
 
@@ -27,13 +27,13 @@ from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
 from pipeline.solver.methods.lone_stretches import Lone
 from pipeline.solver.methods.model_selection import CHANCE, Descend, adjusted, unit
 from pipeline.solver.methods.parameters import MotionChoice, is_still
-from pipeline.solver.methods.wandering_poses import Process, with_lasting
+from pipeline.solver.methods.wandering_poses import with_lasting
 from pipeline.solver.observation.clocks import POS, ROT, common_time_s
 
 SIMPLE = 2
 """Order of the motions that are tried. Higher ones follow turns that are real."""
-LEAST = 2
-"""Targets from which on it is looked at: one alone moves as it likes."""
+LEAST = 3
+"""Targets from which on it is looked at: a turn of a camera, three unknowns, follows what one does, and most of two."""
 LONGEST_S = 60.0
 """Flights longer than this are not looked at: what goes along a parabola for a minute is rare."""
 ENLARGED, LASTING = 10.0, 30.0
@@ -56,8 +56,11 @@ class _Claim:
 def simple_motions(
     problem: Problem, choice: MotionChoice, fit: Fit, descend: Descend, alone: Lone
 ) -> tuple[Finding, ...]:
-    """A finding where one enlarged claim lets all targets that are splines now go simply; `choice` is in force."""
-    free = [n for n, t in enumerate(problem.targets) if t.is_asked and choice.kinds[n] == "spline"]
+    """A finding where one enlarged claim lets all targets go simply that do not now; `choice` is in force."""
+    free = [
+        n for n, t in enumerate(problem.targets)
+        if t.is_asked and (choice.kinds[n] == "spline" or choice.orders[n] > SIMPLE)
+    ]  # fmt: skip
     time = common_time_s(fit.model.frames, fit.model.drift, fit.state.camera, fit.state.deviation)
     if len(free) < LEAST or fit.status != "converged" or float(np.ptp(time)) > LONGEST_S:
         return ()
@@ -85,13 +88,12 @@ def _claims(problem: Problem, fit: Fit) -> Iterator[_Claim]:
     loose = model.changed(priors=replace(model.priors, camera_precision=precision))
     yield _Claim(camera=None, what="bias", model=loose, state=state)
     for c, camera in enumerate(problem.cameras):
-        for what, size, tau_s in (
-            ("attitude", camera.sigma.attitude_rad, camera.sigma.attitude_tau_s),
-            ("position", camera.sigma.position_m, camera.sigma.position_tau_s),
+        for what, part, size in (
+            ("attitude", ROT, camera.sigma.attitude_rad),
+            ("position", POS, camera.sigma.position_m),
         ):
-            if size > 0 and not tau_s and not is_still(camera):
-                lasting = Process(attitude=LASTING) if what == "attitude" else Process(position=LASTING)
-                changed = with_lasting(problem, model, state, c, lasting)
+            if size > 0 and not is_still(camera):
+                changed = with_lasting(model, state, c, part, LASTING * size)
                 yield _Claim(camera=c, what=what, model=changed[0], state=changed[1])
 
 
@@ -101,8 +103,8 @@ def _told(targets: Sequence[str], held: Sequence[tuple[str, str]]) -> Finding:
     return Finding(
         kind="motions-or-poses",
         subject=", ".join(cameras),
-        words=f"{', '.join(targets)} are given free motions, but all go along parabolas or simpler where one claim is "
-        f"larger: {errors}; what they do may be what poses did",
+        words=f"{', '.join(targets)} are given motions that wind, but all go along parabolas or simpler where one claim "
+        f"is larger: {errors}; what they do may be what poses did",
         carried_by=", ".join(f"cameras.{camera}.sigma" for camera in cameras),
     )
 

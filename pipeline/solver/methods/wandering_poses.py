@@ -35,7 +35,7 @@ from pipeline.solver.methods.parameters import is_still, pose_errors
 from pipeline.solver.observation.clocks import FOCAL, POS, ROT, common_time_s
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.pose_roughness import roughness
-from pipeline.solver.observation.pose_wander import between_knots, wander_knots
+from pipeline.solver.observation.pose_wander import between_knots, wander_knots, without_wander
 from pipeline.solver.observation.residuals import linearise
 
 AGREEMENT, LAG_S = 4.0, 0.2
@@ -278,12 +278,14 @@ def begun(problem: Problem, model: Model, state: State) -> tuple[Model, State]:
     return _processed(problem, model, state, parts, MISSED)
 
 
-def with_lasting(problem: Problem, model: Model, state: State, camera: int, process: Process) -> tuple[Model, State]:
-    """The model in which one camera's moving errors last as `process` says, besides what is new in every frame."""
-    lasting = np.zeros(6)
-    lasting[ROT], lasting[POS] = float(process.attitude > 0), float(process.position > 0)
-    parts = {**smooth_parts(problem), camera: Parts(new=np.ones(6), lasting=lasting, process=process, between=False)}
-    return _processed(problem, model, state, parts, MISSED)
+def with_lasting(model: Model, state: State, camera: int, part: slice, sigma: float) -> tuple[Model, State]:
+    """The model in which the errors `part` of one camera's poses last too, of that sigma; all else as it is."""
+    had = model.wander or without_wander(model.frames)
+    sigmas, tau_s = had.sigma.copy(), had.tau_s.copy()
+    sigmas[camera, part], tau_s[camera, part] = sigma, FIRST_TAU_S
+    wander = wander_knots(model.frames, sigmas, tau_s)
+    carried = _carried(model, state, model.frames, wander.knot_s, wander.first)
+    return model.changed(wander=wander), replace(state, wander=carried)
 
 
 def smooth_parts(problem: Problem) -> dict[int, Parts]:
