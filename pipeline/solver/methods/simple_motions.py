@@ -103,8 +103,8 @@ def _told(targets: Sequence[str], held: Sequence[tuple[str, str]]) -> Finding:
     return Finding(
         kind="motions-or-poses",
         subject=", ".join(cameras),
-        words=f"{', '.join(targets)} are given motions that wind, but all go along parabolas or simpler where one claim "
-        f"is larger: {errors}; what they do may be what poses did",
+        words=f"{', '.join(targets)} are given motions that wind, but all go along parabolas or simpler where one "
+        f"claim is larger: {errors}; what they do may be what poses did",
         carried_by=", ".join(f"cameras.{camera}.sigma" for camera in cameras),
     )
 
