@@ -43,3 +43,23 @@ def settle(record: object, **values: object) -> None:
 def whole_numbers(values: Floats) -> Ints:
     """Flags, states and numbers of things (n,), read from elsewhere: what is no number, or beyond 32 bits, is 0."""
     return np.where(np.abs(values) < 1 << 32, values, 0.0).astype(np.int64)
+
+
+def distinct(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The different values of some (n,) in order, NaN left out.
+
+    np.unique, as np.median, would import numpy's masked arrays first: 30 ms of a command's start.
+    """
+    ordered = np.sort(values[values == values])
+    return ordered[np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])]
+
+
+def median(values: Floats) -> float:
+    """The median of some numbers (n,), of none NaN; NaN where one of them is."""
+    last, half = len(values) - 1, len(values) // 2
+    if last < 0:
+        return float("nan")
+    parted = np.partition(values, [max(half - 1, 0), half, last])
+    if np.isnan(parted[last]):
+        return float("nan")
+    return float(parted[half] if last % 2 == 0 else (parted[half - 1] + parted[half]) / 2)

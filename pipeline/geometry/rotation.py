@@ -30,9 +30,14 @@ def conjugate(q: Floats) -> Floats:
 def multiply(a_from_b: Floats, b_from_c: Floats) -> Floats:
     """a_from_c: first `b_from_c`, then `a_from_b`."""
     a, b = np.asarray(a_from_b, float), np.asarray(b_from_c, float)
-    aw, av, bw, bv = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
-    scalar = aw * bw - (av * bv).sum(-1, keepdims=True)
-    return np.concatenate([scalar, aw * bv + bw * av + np.cross(av, bv)], axis=-1)
+    aw, ax, ay, az = (a[..., i] for i in range(4))
+    bw, bx, by, bz = (b[..., i] for i in range(4))
+    q = np.empty((*np.broadcast_shapes(aw.shape, bw.shape), 4))
+    q[..., 0] = aw * bw - (ax * bx + ay * by + az * bz)
+    q[..., 1] = aw * bx + bw * ax + (ay * bz - az * by)
+    q[..., 2] = aw * by + bw * ay + (az * bx - ax * bz)
+    q[..., 3] = aw * bz + bw * az + (ax * by - ay * bx)
+    return q
 
 
 def rotate(dst_from_src: Floats, v_src: Floats) -> Floats:

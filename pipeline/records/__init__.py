@@ -7,7 +7,7 @@ values are NaN, never zero. Nothing here reads a file, prints or computes more t
 from pipeline.records.ground import Ground, GroundAt, GroundHeights
 from pipeline.records.landmarks import GroundFit, Landmark
 from pipeline.records.motion import Motion, Trajectory
-from pipeline.records.pictures import Picture, PictureKind
+from pipeline.records.pictures import Film, GroundPicture, Picture, PictureKind
 from pipeline.records.poses import InstrumentSigma, LogPaths, PoseTrack
 from pipeline.records.problem import CameraInput, Problem, SolverSettings, SurveyedPlace, TargetInput
 from pipeline.records.rays import SightRays
@@ -50,12 +50,14 @@ __all__ = [
     "Comparison",
     "Correction",
     "DepthRange",
+    "Film",
     "Finding",
     "Grade",
     "Ground",
     "GroundAt",
     "GroundFit",
     "GroundHeights",
+    "GroundPicture",
     "ImageTrack",
     "InstrumentSigma",
     "Landmark",

@@ -41,3 +41,37 @@ class Picture:
     def place(self, xy_px: tuple[float, float]) -> tuple[float, float]:
         """Where in the cut-out a point of the image is, in the cut-out's pixels from its corner."""
         return (xy_px[0] - self.corner_px[0]) * self.zoom, (xy_px[1] - self.corner_px[1]) * self.zoom
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """Frames of one camera over the flight, small: what it showed at a moment.
+
+    frame, time_s  of each, increasing; common time
+    jpeg           of each, `size` (width, height) pixels
+    marks          of each: target, and where it was tracked, in shares of the picture's width and height
+    """
+
+    camera: str
+    frame: tuple[int, ...]
+    time_s: tuple[float, ...]
+    jpeg: tuple[bytes, ...]
+    size: tuple[int, int]
+    marks: tuple[tuple[tuple[str, float, float], ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundPicture:
+    """The ground from above: frames of the videos, projected on it. Clear where no camera saw it well.
+
+    west_m, south_m, east_m, north_m  ENU edges
+    webp     the picture, north up
+    words    how it was made, one sentence
+    """
+
+    west_m: float
+    south_m: float
+    east_m: float
+    north_m: float
+    webp: bytes
+    words: str

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.geometry.geodesy import Geodetic
 from pipeline.records.motion import Trajectory
-from pipeline.records.pictures import Picture
+from pipeline.records.pictures import Film, GroundPicture, Picture
 from pipeline.records.poses import PoseTrack
 from pipeline.records.solution import Solution
 from pipeline.records.tracks import ImageTrack
@@ -47,6 +47,8 @@ class Results:
     warnings        one sentence each
     typical_sigma_m median over the well known part of each trajectory of its 3D position's sigma, by target
     pictures        moments of the videos, the most important first; picture_notes  why some or all are missing
+    films           frames of the videos over the whole flight, small
+    ground_pictures the ground from above, one for each map of the report
     truth, comparison  where the truth is known
     """
 
@@ -65,5 +67,7 @@ class Results:
     typical_sigma_m: Mapping[str, float] = field(default_factory=dict)
     pictures: tuple[Picture, ...] = ()
     picture_notes: tuple[str, ...] = ()
+    films: tuple[Film, ...] = ()
+    ground_pictures: tuple[GroundPicture, ...] = ()
     truth: Truth | None = None
     comparison: tuple[Comparison, ...] = ()

@@ -31,6 +31,32 @@
         }
       }
     };
+    const films = JSON.parse((byId("films") || { textContent: "[]" }).textContent);
+    const onFilms = (time) => {
+      for (const film of films) {
+        const box = document.querySelector(`.film[data-camera="${CSS.escape(film.camera)}"]`), { t } = film;
+        let k = 0;
+        while (k + 1 < t.length && Math.abs(t[k + 1] - time) <= Math.abs(t[k] - time)) k++;
+        const gap = t.length > 1 ? (t[t.length - 1] - t[0]) / (t.length - 1) : 1;
+        box.classList.toggle("away", time < t[0] - gap || time > t[t.length - 1] + gap);
+        if (film.shown === k) continue;
+        film.shown = k;
+        box.querySelector("img").src = `data:image/jpeg;base64,${film.src[k]}`;
+        box.querySelector(".when").textContent = `frame ${film.frame[k]}, ${t[k].toFixed(2)} s`;
+        const svg = box.querySelector("svg"), make = (kind, of) => {
+          const node = document.createElementNS(svg.namespaceURI, kind);
+          for (const [key, value] of Object.entries(of)) node.setAttribute(key, value);
+          return svg.appendChild(node);
+        };
+        svg.replaceChildren();
+        for (const [name, colour, cx, cy] of film.marks[k]) {
+          make("circle", { cx, cy, r: 9, class: "under" });
+          make("circle", { cx, cy, r: 9, class: colour < 0 ? "c-ink" : `c${colour}` });
+          const right = cx > svg.viewBox.baseVal.width - 70;
+          make("text", { x: right ? cx - 13 : cx + 13, y: cy + 4, "text-anchor": right ? "end" : "start", class: colour < 0 ? "c-ink" : `c${colour}` }).textContent = name;
+        }
+      }
+    };
     const setTime = (time, live = true) => {
       if (live) document.body.classList.add("live");
       const held = Math.min(end, Math.max(start, time));
@@ -39,6 +65,7 @@
       space.setTime(held);
       onCharts(held);
       onMaps(held);
+      onFilms(held);
     };
 
     slider.addEventListener("input", () => setTime(+slider.value));
@@ -71,6 +98,8 @@
     byId("space-words").textContent = space.words();
     setTime(start + 0.4 * (end - start), false);
   }
+  const ground = byId("ground");
+  if (ground) ground.addEventListener("change", () => document.body.classList.toggle("bare", !ground.checked));
   window.addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((d) => { d.open = true; }));
   document.documentElement.setAttribute("data-ready", "true");
 })();

@@ -59,6 +59,7 @@ def fly(
     heading_deg: Callable[[float], float] = lambda t: 90.0 + 3 * t,
     own_undulation: bool = True,
     utc: bool = True,
+    boot_utc_s: float = BOOT_UTC_S,
 ) -> None:
     """East at 10 m/s from PLACE at 10 Hz, with the chatter of a link and a ground station."""
     for i in range(round(seconds * 10) + 1):
@@ -70,7 +71,7 @@ def fly(
         say(mav.MAVLink_attitude_message(ms, 0.01, -0.02, yaw, 0, 0, 0.05))
         say(mav.MAVLink_global_position_int_message(ms, lat, lon, alt, 50000, 0, 1000, 0, 9000))
         if i % 5 == 0:
-            unix = round((BOOT_UTC_S + ms / 1000) * 1e6) if utc else 0
+            unix = round((boot_utc_s + ms / 1000) * 1e6) if utc else 0
             say(mav.MAVLink_system_time_message(unix, ms))
             over = round(PLACE.height_m * 1000) if own_undulation else 0
             say(
@@ -120,7 +121,9 @@ def definitions() -> list[bytes]:
     return found
 
 
-def dataflash_records(seconds: float = 10.0, boot_s: float = 100.0, gyro_hz: int = 50) -> list[bytes]:
+def dataflash_records(
+    seconds: float = 10.0, boot_s: float = 100.0, gyro_hz: int = 50, week_s: float = 100.0
+) -> list[bytes]:
     """East at 10 m/s from PLACE; GPS at 5 Hz, POS and ATT at 10 Hz, gyro as chatter."""
     found = definitions()
     for i in range(round(seconds * gyro_hz) + 1):
@@ -134,7 +137,7 @@ def dataflash_records(seconds: float = 10.0, boot_s: float = 100.0, gyro_hz: int
             found.append(record("POS", us, lat, lon, PLACE.height_m, 0.0, 0.0))
         if i % (gyro_hz // 5) == 0:
             found.append(
-                record("GPS", us, 0, 4, 100_000 + round(t * 1000), 2300, 14, 80, lat, lon, 10000, 10, 90, 0, 0, 1)
+                record("GPS", us, 0, 4, round((week_s + t) * 1000), 2300, 14, 80, lat, lon, 10000, 10, 90, 0, 0, 1)
             )
         if i % gyro_hz == 0:
             found.append(record("MSG", us, b"all is well"))

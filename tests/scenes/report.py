@@ -17,7 +17,9 @@ from pipeline.records import (
     Clock,
     Comparison,
     Correction,
+    Film,
     Finding,
+    GroundPicture,
     ImageTrack,
     Motion,
     OffsetCandidate,
@@ -29,6 +31,7 @@ from pipeline.records import (
     Trajectory,
     Truth,
 )
+from pipeline.report.views.overhead_map import map_sheets
 
 FOCAL_PX = 1100.0
 IMAGE = (1280, 720)
@@ -101,6 +104,38 @@ def fake_results(
         truth=_truth(trajectories, clocks, true_poses, rng),
         comparison=_comparison(motions, cameras),
     )
+
+
+def with_films(results: Results) -> Results:
+    """The same with a frame a second of each camera, and a striped ground under each map."""
+    films = []
+    for camera in dict.fromkeys(t.camera for t in results.tracks):
+        own = [t for t in results.tracks if t.camera == camera]
+        clock = next(c for c in results.solution.clocks if c.camera == camera)
+        frames = own[0].frame[:: round(clock.nominal_rate)]
+        times = clock.common_time_s(frames / clock.nominal_rate)
+        shades = [np.full((90, 160, 3), 40 + 15 * (i % 10), np.uint8) for i in range(len(frames))]
+        films.append(
+            Film(
+                camera=camera, frame=tuple(frames.tolist()), time_s=tuple(times.tolist()), size=(160, 90),
+                jpeg=tuple(cv2.imencode(".jpg", shade)[1].tobytes() for shade in shades),
+                marks=tuple(
+                    tuple((t.target, float(t.xy_px[f, 0] / IMAGE[0]), float(t.xy_px[f, 1] / IMAGE[1]))
+                          for t in own if t.seen[f])
+                    for f in frames.tolist()
+                ),
+            )
+        )  # fmt: skip
+    stripes = np.zeros((60, 80, 4), np.uint8)
+    stripes[:, ::4] = (60, 120, 90, 255)
+    grounds = tuple(
+        GroundPicture(
+            west_m=s.west, north_m=s.north, east_m=s.west + s.width / s.scale, south_m=s.north - s.height / s.scale,
+            webp=cv2.imencode(".webp", stripes)[1].tobytes(), words="The ground is made of stripes.",
+        )
+        for s in map_sheets(results)
+    )  # fmt: skip
+    return dataclasses.replace(results, films=tuple(films), ground_pictures=grounds)
 
 
 def _clock(c: int, rate_hz: float, frame: np.ndarray, drifts: bool) -> Clock:

@@ -6,6 +6,7 @@ are so far away that the first one must be small.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,18 +48,50 @@ class Sheet:
 
 def map_figure(results: Results) -> Html:
     """One map of the whole scene and, where the targets fill little of it, a closer one of them."""
+    paths, tracks = participants.camera_paths(results), _tracks(results)
+    sheets = map_sheets(results)
+    if not sheets:
+        return note("There is nothing to draw: no position is known.")
+    titles = ("All cameras and targets", "The targets, closer")
+    maps = [_map(results, sheet, tracks, paths, title) for sheet, title in zip(sheets, titles, strict=False)]
+    return joined(_ground_switch(results), *maps)
+
+
+def map_sheets(results: Results) -> list[Sheet]:
+    """What the maps show: everything, and the targets where they fill little of that; none where nothing is known."""
+    on_ground = [t.position_enu_m[participants.well_known(results, t), :2] for t in _tracks(results)]
     paths = participants.camera_paths(results)
-    tracks = [participants.thin_trajectory(t, FIXES) for t in results.trajectories if len(t.time_s)]
-    on_ground = [t.position_enu_m[participants.well_known(results, t), :2] for t in tracks]
     everything = [*on_ground, *(p.position_enu_m[:, :2] for p in paths)]
     if not any(np.isfinite(a).any() for a in everything):
-        return note("There is nothing to draw: no position is known.")
+        return []
     whole, near = _sheet(everything), _sheet(on_ground)
-    maps = [_map(results, whole, tracks, paths, "All cameras and targets")]
     seen = any(np.isfinite(a).any() for a in on_ground)
-    if seen and paths and near.scale > 1.8 * whole.scale:
-        maps.append(_map(results, near, tracks, paths, "The targets, closer"))
-    return joined(*maps)
+    return [whole, near] if seen and paths and near.scale > 1.8 * whole.scale else [whole]
+
+
+def _tracks(results: Results) -> list[Trajectory]:
+    return [participants.thin_trajectory(t, FIXES) for t in results.trajectories if len(t.time_s)]
+
+
+def _ground_switch(results: Results) -> Html:
+    if not results.ground_pictures:
+        return Html("")
+    box = tag("input", type="checkbox", id="ground", checked=True)
+    return tag("div", tag("label", box, " the ground, from the videos"), class_="controls")
+
+
+def _ground(results: Results, sheet: Sheet) -> Html:
+    """The ground from above, where it was made for this sheet."""
+    own = [g for g in results.ground_pictures if abs(g.west_m - sheet.west) + abs(g.north_m - sheet.north) < 1e-6]
+    if not own:
+        return Html("")
+    x, y = ((own[0].west_m - sheet.west) * sheet.scale, (sheet.north - own[0].north_m) * sheet.scale)
+    wide, high = (own[0].east_m - own[0].west_m) * sheet.scale, (own[0].north_m - own[0].south_m) * sheet.scale
+    encoded = base64.b64encode(own[0].webp).decode("ascii")
+    return tag(
+        "image", href=f"data:image/webp;base64,{encoded}", x=x, y=y, width=wide, height=high, class_="ground",
+        preserveAspectRatio="none",
+    )  # fmt: skip
 
 
 def _sheet(groups: list[Floats]) -> Sheet:
@@ -80,7 +113,7 @@ def _map(results: Results, sheet: Sheet, tracks: list[Trajectory], paths: tuple[
     factor = enlargement([participants.known_part(results, t) for t in tracks], sheet.scale, 12.0)
     every = _dot_interval(results)
     marks = [
-        *_grid(sheet),
+        *_grid(sheet, _ground(results, sheet)),
         *(_corridor(results, sheet, t, factor) for t in tracks),
         *(_camera(sheet, p) for p in paths),
         *(_truth(results, sheet, t.target) for t in tracks),
@@ -130,8 +163,9 @@ def _legend(results: Results) -> Html:
 def _caption(results: Results, sheet: Sheet, factor: int, every: float) -> str:
     size = "drawn at true size" if factor == 1 else f"drawn {factor} {TIMES} larger than they are"
     ellipses = f"Ellipses of one and two sigma are {size}. " if _has_sigmas(results) else ""
+    ground = "".join(f" {g.words}" for g in results.ground_pictures[:1])
     dots = f"Rings mark where a target starts, discs where it ends, small dots every {rounded(every, 1)} s."
-    words = f"{ellipses}{dots}{participants.thinning_words(results, FIXES)}"
+    words = f"{ellipses}{dots}{participants.thinning_words(results, FIXES)}{ground}"
     if results.origin is None:
         return f"{words} East and north in metres from the local origin."
     corners = np.array([[0.0, sheet.height], [sheet.width, 0.0]]) / sheet.scale
@@ -151,10 +185,10 @@ def _dot_interval(results: Results) -> float:
     return nice_step(end - start, 10)
 
 
-def _grid(sheet: Sheet) -> list[Html]:
+def _grid(sheet: Sheet, under: Html) -> list[Html]:
     east, south = sheet.west + sheet.width / sheet.scale, sheet.north - sheet.height / sheet.scale
     step = nice_step(sheet.width / sheet.scale, 9)
-    out = [tag("rect", width=sheet.width, height=sheet.height, class_="frame")]
+    out = [tag("rect", width=sheet.width, height=sheet.height, class_="frame"), under]
     for value, words in round_ticks(sheet.west, east, step=step):
         at = (value - sheet.west) * sheet.scale
         out.append(tag("line", x1=at, x2=at, y1=0, y2=sheet.height, class_="grid"))

@@ -15,6 +15,7 @@ from pipeline.report.data import participants
 from pipeline.report.data.participants import CameraPath
 from pipeline.report.data.visibility import times_seen
 from pipeline.report.text.markup import Html, data_script, joined, tag
+from pipeline.report.views.films import films_figure
 
 POINTS, CAMERA_POINTS, RINGS = 6000, 400, 90
 ABOUT = (
@@ -162,4 +163,4 @@ def focal_px(results: Results, camera: str) -> float:
 
 def space_section(results: Results) -> Html:
     """Figure and data together."""
-    return joined(space_figure(results), space_data(results))
+    return joined(space_figure(results), films_figure(results), space_data(results))

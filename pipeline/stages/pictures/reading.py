@@ -14,8 +14,11 @@ from calibration.foundation.capture import Capture, FrameIndex
 from calibration.foundation.errors import RunningFixError
 from calibration.foundation.progress import Progress, silent
 from pipeline.flight import CameraSettings, Flight
-from pipeline.records import Box, Picture, Results
-from pipeline.stages.inputs.frames import video_index
+from pipeline.records import Box, Film, Ground, Picture, PoseTrack, Results
+from pipeline.report.data.participants import time_span
+from pipeline.stages.inputs.frames import frame_rate, video_clock, video_index, video_time_s
+from pipeline.stages.pictures.above import Look, from_above
+from pipeline.stages.pictures.films import evenly, film_of, shrunk
 from pipeline.stages.pictures.moments import Moment, moments
 from pipeline.stages.pictures.settings import SETTINGS, PictureSettings
 
@@ -24,27 +27,44 @@ NO_VIDEO = "No camera of this flight has its video here, so there are no picture
 
 
 def with_pictures(
-    flight: Flight, results: Results, *, progress: Progress = silent, settings: PictureSettings = SETTINGS
+    flight: Flight,
+    results: Results,
+    *,
+    poses: Sequence[PoseTrack] = (),
+    ground: Ground | None = None,
+    progress: Progress = silent,
+    settings: PictureSettings = SETTINGS,
 ) -> Results:
-    """The results with pictures from the videos, and with a sentence for each reason why some are missing."""
+    """The results with pictures from the videos, and with a sentence for each reason why some are missing.
+
+    `poses` are the refined ones of all frames: with them the ground is shown from above, at `ground` or, where that is
+    None, at the height of the targets.
+    """
     cameras = [c for c in flight.cameras if c.video is not None]
     if not cameras:
         return replace(results, picture_notes=(NO_VIDEO,))
     boxes = drawn_boxes(flight)
     wanted = moments(results, boxes, settings)
     notes = [f"{c.name} has no video here." for c in flight.cameras if c.video is None]
-    left, taken = settings.decoded_px, []
+    above = from_above(results, ground, settings) if poses else None
+    left, taken, films = settings.decoded_px, [], []
     for done, camera in enumerate(cameras):
         progress("pictures", done, len(cameras))
         own = [m for m in wanted if m.camera == camera.name]
         try:
             share = left / (len(cameras) - done)  # what one does not use is the others'
-            found, unspent, dropped = _of_video(camera, own, boxes, share, settings)
+            room = replace(
+                settings, film_decoded_px=settings.film_decoded_px / len(cameras),
+                film_bytes=settings.film_bytes // len(cameras),
+            )  # fmt: skip
+            look = None if above is None else above.through(flight, camera, poses)
+            found, film, unspent, dropped = _of_video(flight, camera, results, own, boxes, share, room, look)
         except RunningFixError as error:
             notes.append(f"The video of {camera.name} could not be read again: {error.seen}.")
             continue
         left += unspent - share
         taken += found
+        films += [film] if film is not None else []
         if dropped:
             left_out = "1 moment" if dropped == 1 else f"{dropped} moments"
             notes.append(f"Not shown of {camera.name}: {left_out} deep inside its video, too long to decode.")
@@ -53,7 +73,10 @@ def with_pictures(
     if len(kept) < len(taken):
         out = len(taken) - len(kept)
         notes.append(f"{out} further picture{' is' if out == 1 else 's are'} left out, to keep the page small.")
-    return replace(results, pictures=tuple(kept), picture_notes=tuple(notes))
+    maps, said = ((), ()) if above is None else above.pictures()
+    return replace(
+        results, pictures=tuple(kept), picture_notes=(*notes, *said), films=tuple(films), ground_pictures=maps
+    )
 
 
 def drawn_boxes(flight: Flight) -> dict[tuple[str, str], tuple[Box, ...]]:
@@ -74,25 +97,50 @@ def _within(taken: Iterable[Picture], wanted: Sequence[Moment], most_bytes: int)
 
 
 def _of_video(
+    flight: Flight,
     camera: CameraSettings,
+    results: Results,
     wanted: Sequence[Moment],
     boxes: Mapping[tuple[str, str], tuple[Box, ...]],
     most_px: float,
     settings: PictureSettings,
-) -> tuple[list[Picture], float, int]:
-    """Pictures of one video, the pixels that may still be decoded, and how many moments that left out."""
+    look: Look | None,
+) -> tuple[list[Picture], Film | None, float, int]:
+    """Pictures of one video, its film, the pixels that may still be decoded, and how many moments that left out."""
     assert camera.video is not None
     times, index = video_index(camera)
     area = float(times.image_size[0] * times.image_size[1])
     chosen, cost = affordable([m.frame for m in wanted], index, int(most_px // area))
     sought = [m for m, frame in ((m, m.frame) for m in wanted) if frame in chosen]
+    common = _common_time_s(flight, camera, results, len(index.entry))
+    filmed = evenly(common, time_span(results), settings.film_frames) if common is not None else []
+    filmed = [f for f in filmed if f in affordable(filmed, index, int(settings.film_decoded_px // area))[0]]
+    looked = set(filmed[: settings.ground_frames])  # the coarsest spacing comes first
+    pictures: list[Picture] = []
+    small: dict[int, tuple[bytes, tuple[int, int]]] = {}
     capture = Capture(camera.video, stream=camera.video_stream)
     try:
-        shown = dict(_frames(capture, sorted(chosen), index))
-        pictures = [_cut(shown[m.frame], m, boxes, settings) for m in sought if m.frame in shown]
+        for frame, shown in _frames(capture, sorted({*chosen, *filmed}), index):
+            pictures += [_cut(shown, m, boxes, settings) for m in sought if m.frame == frame]
+            if frame in filmed:
+                small[frame] = shrunk(shown, settings)
+            if look is not None and frame in looked:
+                look(frame, shown)
     finally:
         capture.close()
-    return pictures, most_px - cost * area, len(wanted) - len(sought)
+    film = None if common is None else film_of(
+        camera.name, common, small, results.tracks, times.image_size, settings.film_bytes
+    )  # fmt: skip
+    return pictures, film, most_px - cost * area, len(wanted) - len(sought)
+
+
+def _common_time_s(flight: Flight, camera: CameraSettings, results: Results, frames: int) -> Floats | None:
+    """Common times (frames,) of a video's frames; None where the camera took no part."""
+    clock = next((c for c in results.solution.clocks if c.camera == camera.name), None)
+    if clock is None:
+        return None
+    video = video_clock(camera)
+    return clock.common_time_s(video_time_s(np.arange(frames), frame_rate(flight, camera, video), video))
 
 
 def affordable(frames: Sequence[int], index: FrameIndex, most: int) -> tuple[set[int], int]:

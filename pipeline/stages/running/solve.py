@@ -90,7 +90,8 @@ def solve_into(
         notes = (*doubts, *tracking_notes(flight, ledger), *loops_note())
         results = gather_results(flight, solution, tracks, measured, built, opened.origin, hashes, notes)
     with clock.stage("pictures"):
-        results = with_pictures(flight, results, progress=progress)
+        refined = all_refined(measured, solution)
+        results = with_pictures(flight, results, poses=refined, ground=built.problem.ground, progress=progress)
     with clock.stage("write"):
         files = outputs(results, measured, solution)
         ledger.record("solve", key, files, warnings=results.warnings)

@@ -7,8 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints, median
 from pipeline.telemetry.clocks.clock_model import fit_clock
+from pipeline.telemetry.clocks.leaps import begun_anew, other_boots
 from pipeline.telemetry.log.flight_log import ClockModel
 
 REBOOT_S = 10.0
@@ -49,9 +50,12 @@ class BootClock:
         return np.asarray(boot_s + self.offset_s[np.searchsorted(self.restart_place, place, side="right")])
 
     def of_record(self, place: Ints, record_s: Floats) -> Floats:
-        """Log time (n,) of messages that carry none: the recorder's clock, where its neighbours confirm it."""
+        """Log time (n,) of messages that carry none: the recorder's clock, where its neighbours confirm it.
+
+        Where no message carries a boot time the recorder's clock is log time.
+        """
         if len(self.log_s) == 0:
-            return np.full(len(place), np.nan)
+            return np.asarray(record_s)
         by_place = np.interp(place, self.place, self.log_s)
         if self.record is None:
             return np.asarray(by_place)
@@ -65,20 +69,26 @@ class BootClock:
         """
         time, arrived = self.of_boot_time(place, boot_s), self.of_record(place, record_s)
         late = arrived - time
-        offset = float(np.median(late[np.isfinite(late)])) if np.isfinite(late).any() else 0.0
+        offset = median(late[np.isfinite(late)]) if np.isfinite(late).any() else 0.0
         return (time, 0.0) if abs(offset) < 1.0 else (time + offset, offset)
 
 
-def boot_clock(place: Ints, boot_s: Floats, record_s: Floats) -> BootClock:
-    """The clock of a file from (n,) boot times and the recorder's times beside them, in the order of the file."""
+def boot_clock(place: Ints, boot_s: Floats, record_s: Floats, unix_s: Floats | None = None) -> BootClock:
+    """The clock of a file from (n,) boot times and the recorder's times beside them, in the order of the file.
+
+    `unix_s` (n,) is the vehicle's UTC, NaN where no message tells it.
+    """
+    unix = np.full(len(boot_s), np.nan) if unix_s is None else unix_s
     restart = restarts_of(boot_s)
     restart = np.sort(np.concatenate([restart, _small_restarts(boot_s, record_s, restart)]))
+    restart = np.sort(np.concatenate([restart, begun_anew(boot_s, record_s, unix, restart)]))
     bounds = [*restart.tolist(), len(boot_s)]
+    other = record_s if np.isfinite(record_s).any() else unix
     offset = [0.0]
     log = np.array(boot_s, float)
     for first, stop in pairwise(bounds):
         previous = slice(0, first)
-        offset.append(_offset_after(log[previous], record_s[previous], boot_s[first:stop], record_s[first:stop]))
+        offset.append(_offset_after(log[previous], other[previous], boot_s[first:stop], other[first:stop]))
         log[first:stop] += offset[-1]
     few = slice(None, None, 1 + len(log) // MOST_READINGS)
     record = fit_clock("recorder", log[few], record_s[few], tolerance_s=2.0)
@@ -102,7 +112,7 @@ def restarts_of(boot_s: Floats, least_s: float = REBOOT_S) -> Ints:
     for fall in falls.tolist():
         top = max(top, float(boot_s[i:fall].max())) if fall > i else top
         ahead = boot_s[fall : fall + 5]
-        if np.median(ahead) < top - least_s or _goes_on(boot_s[max(i, fall - 20) : fall], ahead):
+        if median(ahead) < top - least_s or _goes_on(boot_s[max(i, fall - 20) : fall], ahead):
             found.append(fall)
             top, i = -np.inf, fall
     return np.array(found, dtype=np.int64)
@@ -114,7 +124,7 @@ def _goes_on(before_s: Floats, ahead_s: Floats) -> bool:
     if len(ahead_s) < 2 or not (steps > 0).any():
         return False
     after = np.diff(ahead_s)
-    return bool(np.all((after > 0) & (after < 1.5 * np.median(steps[steps > 0]))))
+    return bool(np.all((after > 0) & (after < 1.5 * median(steps[steps > 0]))))
 
 
 def _small_restarts(boot_s: Floats, record_s: Floats, restart: Ints) -> Ints:
@@ -178,7 +188,10 @@ def continued(time_s: Floats, other_s: Floats | None = None) -> tuple[Floats, li
     By another clock (n,) where both recordings have it and it goes on; else an hour later.
     """
     known = np.flatnonzero(np.isfinite(time_s))
-    restart = known[restarts_of(time_s[known], IN_ORDER_S)].tolist() if len(known) else []
+    own = time_s[known]
+    falls = restarts_of(own, IN_ORDER_S)
+    leaps = [] if other_s is None else [i for i, anew in other_boots(own, other_s[known], falls).items() if anew]
+    restart = known[np.sort(np.concatenate([falls, np.array(leaps, dtype=np.int64)]))].tolist()
     found, told = time_s.copy(), []
     late = np.full(len(time_s), np.nan) if other_s is None else other_s - time_s
     for first, before, stop in zip(restart, [0, *restart], [*restart[1:], len(time_s)], strict=False):
@@ -186,7 +199,7 @@ def continued(time_s: Floats, other_s: Floats | None = None) -> tuple[Floats, li
         offset = end + UNKNOWN_BREAK_S - begin
         clocks = [part[np.isfinite(part)] for part in (late[before:first], late[first:stop])]
         if all(map(len, clocks)):
-            by_other = float(np.median(clocks[1]) - np.median(clocks[0])) + float(found[before] - time_s[before])
+            by_other = float(median(clocks[1]) - median(clocks[0])) + float(found[before] - time_s[before])
             offset = by_other if np.isfinite(by_other) and begin + by_other > end else offset
         found[first:stop] = time_s[first:stop] + offset
         told.append((first, offset))
@@ -198,10 +211,11 @@ def another_recording(offset_s: float) -> str:
     return f"another recording begins in the file: its log time is its own + {offset_s:.1f} s"
 
 
-def _offset_after(log_before: Floats, record_before: Floats, boot_after: Floats, record_after: Floats) -> float:
-    """Log time minus boot time after a restart: by the recorder's clock, else an hour's break."""
+def _offset_after(log_before: Floats, other_before: Floats, boot_after: Floats, other_after: Floats) -> float:
+    """Log time minus boot time after a restart: by another clock that tells both sides, else an hour's break."""
     end = float(log_before.max())
-    late = np.median(record_after - boot_after) - np.median(record_before - log_before)
+    clocks = [late[np.isfinite(late)] for late in (other_after - boot_after, other_before - log_before)]
+    late = median(clocks[0]) - median(clocks[1])
     if np.isfinite(late) and boot_after.min() + late > end:
         return float(late)
     return end + UNKNOWN_BREAK_S - float(boot_after.min())

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats, median
 from pipeline.telemetry.clocks.utc import ROLL_OVER_S, date_of
 from pipeline.telemetry.log.flight_log import ClockModel, ClockStep
 
@@ -62,10 +62,10 @@ def fit_clock(
     if set_later:
         last, steps = _set_last(log, other - slope * (log - log[0]))
         log, other = log[last], other[last]
-    log_epoch, epoch = float(np.median(log)), float(np.median(other))
+    log_epoch, epoch = median(log), median(other)
     since = log - log_epoch
     late = other - epoch - (1.0 + slope) * since
-    offset, rate = float(np.median(late)), 1.0
+    offset, rate = median(late), 1.0
     good = np.abs(late - offset) < tolerance_s + MAX_DRIFT * np.abs(since)
     if 2 * good.sum() <= len(good):
         return None
@@ -76,8 +76,8 @@ def fit_clock(
         drift = float(centred @ late / (centred @ centred))
         rate = 1.0 + drift if abs(drift) < MAX_DRIFT else 1.0
     late -= (rate - 1.0) * since
-    offset = float(np.median(late))
-    scatter = 1.4826 * float(np.median(np.abs(late - offset)))
+    offset = median(late)
+    scatter = 1.4826 * median(np.abs(late - offset))
     return ClockModel(
         source=source,
         epoch_s=epoch + offset,
@@ -104,11 +104,11 @@ def _large_slope(log_s: Floats, other_s: Floats) -> float:
     apart = step > 0.1 * np.ptp(log)
     if not apart.any():
         return 0.0
-    slope = float(np.median((late[half:] - late[: len(log) - half])[apart] / step[apart]))
+    slope = median((late[half:] - late[: len(log) - half])[apart] / step[apart])
     if not MAX_DRIFT < abs(slope) < LARGEST_SLOPE:
         return 0.0
     flat = late - slope * (log - log[0])
-    scatter = float(np.median(np.abs(flat - np.median(flat))))
+    scatter = median(np.abs(flat - median(flat)))
     return slope if scatter < STEADY_SHARE * abs(slope) * np.ptp(log) else 0.0
 
 
@@ -121,7 +121,9 @@ def _set_last(log_s: Floats, other_s: Floats) -> tuple[Bools, tuple[ClockStep, .
     late = (other_s - log_s)[order]
     smooth = late
     if len(late) >= 5:
-        smooth = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(late, 2, mode="edge"), 5), axis=1)
+        smooth = np.partition(np.lib.stride_tricks.sliding_window_view(np.pad(late, 2, mode="edge"), 5), 2, axis=1)[
+            :, 2
+        ]
     drift = MAX_DRIFT * np.diff(log_s[order])
     bounds = np.concatenate([[0], np.flatnonzero(np.abs(np.diff(smooth)) > SET_S + drift) + 1, [len(late)]])
     parts = [np.arange(a, b) for a, b in pairwise(bounds.tolist()) if b - a >= LEAST_SET]
@@ -131,7 +133,7 @@ def _set_last(log_s: Floats, other_s: Floats) -> tuple[Bools, tuple[ClockStep, .
     kept, steps, away = np.zeros(len(late), dtype=bool), [], 0.0
     kept[order[parts[-1]]] = True
     for part, after in reversed(list(pairwise(parts))):
-        away += float(np.median(late[part[-LEAST_SET:]]) - np.median(late[after[:LEAST_SET]]))
+        away += float(median(late[part[-LEAST_SET:]]) - median(late[after[:LEAST_SET]]))
         if abs(away) <= SET_S:
             kept[order[part]] = True
         else:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, median
 from pipeline.telemetry.clocks.clock_model import MAX_DRIFT, utc_notes
 from pipeline.telemetry.log.flight_log import ClockModel, FlightLog
 
@@ -20,7 +20,7 @@ def counts_from_1970(log: FlightLog) -> bool:
     """Whether log time itself is POSIX time, as of simulators and companion computers."""
     for series in (log.position, log.attitude):
         if series is not None and np.isfinite(series.time_s).any():
-            return bool(np.nanmedian(series.time_s) > POSIX_FROM_S)
+            return bool(median(series.time_s[~np.isnan(series.time_s)]) > POSIX_FROM_S)
     return False
 
 

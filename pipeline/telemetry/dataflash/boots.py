@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats, Ints
+from calibration.foundation.arrays import Floats, Ints, median
 from pipeline.telemetry.clocks.boot_clock import IN_ORDER_S, UNKNOWN_BREAK_S, restarts_of
 from pipeline.telemetry.clocks.clock_model import settled
+from pipeline.telemetry.clocks.leaps import leaps_of, other_boots
 from pipeline.telemetry.dataflash.tables import clock_field
 from pipeline.telemetry.dataflash.utc import utc_readings
 from pipeline.telemetry.log.tables import MessageTable, RawLog
@@ -20,6 +21,9 @@ def continued(raw: RawLog) -> RawLog:
     restart = restarts_of(times)
     small = [i for i in restarts_of(times, IN_ORDER_S).tolist() if i not in restart and _falls(raw, int(places[i]))]
     restart = np.sort(np.concatenate([restart, np.array(small, dtype=np.int64)]))
+    told = other_boots(times, _utc_beside(raw, places), restart)
+    restart = np.sort(np.concatenate([restart, np.array([i for i, anew in told.items() if anew], dtype=np.int64)]))
+    raw = replace(raw, notes=(*raw.notes, *_untold(raw, places, times, {*told, *restart.tolist()})))
     if not len(restart):
         return raw
     begins = places[restart]
@@ -42,6 +46,32 @@ def continued(raw: RawLog) -> RawLog:
     tables = {name: _moved(table, shift[np.searchsorted(begins, table.place, side="right")])
               for name, table in raw.tables.items()}  # fmt: skip
     return replace(raw, tables=tables, notes=(*raw.notes, *notes))
+
+
+def _utc_beside(raw: RawLog, places: Ints) -> Floats:
+    """UTC of the receiver's messages at places (n,), NaN at all others and without a fix."""
+    found = np.full(len(places), np.nan)
+    table, _, utc = utc_readings(raw)
+    if table is not None:
+        at = np.minimum(np.searchsorted(places, table.place), max(0, len(places) - 1))
+        mine = places[at] == table.place
+        found[at[mine]] = utc[mine]
+    return found
+
+
+def _untold(raw: RawLog, places: Ints, times: Floats, told: set[int]) -> list[str]:
+    """What to say of logs joined in one file whose clocks leap where no GPS time tells whether the vehicle was off."""
+    leaps = np.array([i for i in leaps_of(times).tolist() if i not in told], dtype=np.int64)
+    notes = []
+    for head in raw.heads:
+        near = leaps[(places[leaps] > head) & (places[np.maximum(leaps - 1, 0)] < head)]
+        notes += [
+            f"another log begins in the file at log time {times[i]:.1f} s, {times[i] - times[i - 1]:.1f} s after what"
+            " came before by its own clock: no GPS time tells whether the vehicle started anew between, and it is read"
+            " as if it had not"
+            for i in near.tolist()
+        ]
+    return notes
 
 
 def _readings(raw: RawLog) -> tuple[Ints, Floats]:
@@ -78,7 +108,7 @@ def _utc_late(raw: RawLog, begins: Ints) -> Floats:
     for boot in range(len(found)):
         late = (utc - time)[(boot_of == boot) & np.isfinite(utc - time)]
         if len(late):
-            found[boot] = np.median(late)
+            found[boot] = median(late)
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, distinct
 from pipeline.telemetry.dataflash.tables import first_instance, time_of
 from pipeline.telemetry.log.tables import RawLog
 
@@ -16,5 +16,5 @@ def camera_events(raw: RawLog) -> tuple[Floats, str, tuple[str, ...]]:
         if table is not None and ("TimeUS" in table or "TimeMS" in table):
             time = time_of(table)
             which = "" if cameras < 2 else f"{cameras} cameras speak in {name}; instance {table.floats('I')[0]:.0f}"
-            return np.unique(time[np.isfinite(time)]), name, (f"{which} is used",) if which else ()
+            return distinct(time[np.isfinite(time)]), name, (f"{which} is used",) if which else ()
     return np.empty(0), "", ()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats
+from calibration.foundation.arrays import Bools, Floats, distinct, median
 from calibration.foundation.errors import UsageError
 from pipeline.geometry import rotation
 from pipeline.telemetry.dataflash.tables import time_of
-from pipeline.telemetry.gimbals.frames import DOUBT_DEG, attitude_at, held_frame, same_gimbal, told_frame
+from pipeline.telemetry.gimbals.frames import DOUBT_DEG, attitude_at, held_frame, in_runs, same_gimbal, told_frame
 from pipeline.telemetry.log.flight_log import (
     EARTH,
     HEADING,
@@ -55,7 +55,7 @@ def gimbal_attitude(
 
 def _instances(table: MessageTable) -> list[int]:
     told = table.floats("I")
-    return np.unique(told[np.abs(told) < 1 << 31]).astype(int).tolist() or [0]
+    return distinct(told[np.abs(told) < 1 << 31]).astype(int).tolist() or [0]
 
 
 def _of_instance(table: MessageTable, instance: int) -> MessageTable:
@@ -90,10 +90,11 @@ def _two_yaws(time: Floats, north: Floats, yaw: Floats, earth: Bools, body: Atti
     """What to say where YawE is not YawB and the vehicle's heading together, all in degrees (n,)."""
     if body is None or not earth.any():
         return []
-    at, inside = attitude_at(body, time[earth])
+    rows = in_runs(np.flatnonzero(earth))
+    at, inside = attitude_at(body, time[rows])
     heading = np.degrees(rotation.yaw_pitch_roll(at)[:, 0])
-    apart = np.abs((north[earth] - yaw[earth] - heading + 180.0) % 360.0 - 180.0)[inside]
-    typical = float(np.nanmedian(apart)) if np.isfinite(apart).any() else 0.0
+    apart = np.abs((north[rows] - yaw[rows] - heading + 180.0) % 360.0 - 180.0)[inside]
+    typical = median(apart[~np.isnan(apart)]) if np.isfinite(apart).any() else 0.0
     if typical < DOUBT_DEG:
         return []
     return [f"MNT: YawE (north) and YawB (the vehicle's heading) are {typical:.1f} degrees apart; YawE is used"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, distinct
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
 DEGREES_PER_M = 1e-7 / 0.011131884502145034
@@ -24,7 +24,7 @@ def of_core(raw: RawLog, names: tuple[str, ...], status: str) -> MessageTable | 
     """
     state = raw.table(status)
     said = state.floats("PI") if state is not None and "PI" in state else np.zeros(1)
-    cores = np.unique(said[said >= 0])  # below: none yet
+    cores = distinct(said[said >= 0])  # below: none yet
     if len(cores) > 1:
         return None
     core = float(cores[0]) if len(cores) else 0.0

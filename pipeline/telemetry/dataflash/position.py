@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from calibration.foundation.arrays import median
 from pipeline.geometry import rotation
 from pipeline.telemetry.dataflash.local_position import lane_changes, local_position
 from pipeline.telemetry.dataflash.parameters import parameters_of
@@ -21,9 +22,13 @@ POSITION_MESSAGES = ("POS", "XKF1", "GPS", "AHR2")
 """The best first; XKF1 stands for NKF1 too."""
 
 
-def vehicle_position(raw: RawLog) -> tuple[PositionSeries | None, tuple[str, ...]]:
+def vehicle_undulation(raw: RawLog) -> Undulation | None:
+    """What the log says of ellipsoid and mean sea level; None where it says nothing."""
+    return told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
+
+
+def vehicle_position(raw: RawLog, undulation: Undulation | None) -> tuple[PositionSeries | None, tuple[str, ...]]:
     """The vehicle's positions by the best message that has two valid ones, None where none has; and notes."""
-    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
     notes = () if undulation is None else undulation.notes
     for name in POSITION_MESSAGES:
         if name == "XKF1":
@@ -69,12 +74,11 @@ def _position_of(table: MessageTable, undulation: Undulation | None) -> Position
     )
 
 
-def receiver_of(raw: RawLog) -> ReceiverSeries | None:
+def receiver_of(raw: RawLog, undulation: Undulation | None) -> ReceiverSeries | None:
     """The fix, accuracy and height over time of the receiver in use."""
     table, stated = gps_in_use(raw), accuracy_in_use(raw)
     if table is None:
         return None
-    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
     time, nothing = time_of(table), np.full(len(table), np.nan)
     across, up = (
         nothing if stated is None else at_times(time, time_of(stated), stated.floats(name)) for name in ("HAcc", "VAcc")
@@ -85,12 +89,11 @@ def receiver_of(raw: RawLog) -> ReceiverSeries | None:
     )  # fmt: skip
 
 
-def simulated(raw: RawLog) -> TruthSeries | None:
+def simulated(raw: RawLog, undulation: Undulation | None) -> TruthSeries | None:
     """The simulator's truth: SIM, heights above mean sea level."""
     table = raw.table("SIM")
     if table is None:
         return None
-    undulation = told_ellipsoidal(parameters_of(raw).get("GPS_DRV_OPTIONS")) or _undulation(raw)
     time, lat, lon = time_of(table), table.floats("Lat"), table.floats("Lng")
     roll, pitch, yaw = (np.radians(table.floats(name)) for name in ("Roll", "Pitch", "Yaw"))
     q = rotation.ned_from_frd(yaw, pitch, roll)
@@ -126,7 +129,7 @@ def _undulation(raw: RawLog) -> Undulation | None:
     if "Und" in gpa:
         said = gpa.floats("Und")
         difference = -said[said != 0]
-        lat, lon = (np.full(len(difference), np.median(fixed.floats(name))) for name in ("Lat", "Lng"))
+        lat, lon = (np.full(len(difference), median(fixed.floats(name))) for name in ("Lat", "Lng"))
         return undulation_of("GPA.Und", difference, lat, lon)
     if "AEl" in gpa:
         near, lat, lon = (np.interp(time_of(gpa), time_of(fixed), fixed.floats(name)) for name in ("Alt", "Lat", "Lng"))

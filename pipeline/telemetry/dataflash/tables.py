@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, Ints, distinct
 from pipeline.telemetry.clocks.clock_model import settled
 from pipeline.telemetry.log.receiver import FIX_3D
 from pipeline.telemetry.log.tables import MessageTable, RawLog, joined_tables
@@ -37,7 +37,7 @@ def first_instance(table: MessageTable | None) -> tuple[MessageTable | None, int
     if table is None:
         return None, 0
     instance = table.floats("I")
-    named = np.unique(instance[np.isfinite(instance)])
+    named = distinct(instance[np.isfinite(instance)])
     return (table, 1) if not len(named) else (table.only(np.asarray(instance == named[0])), len(named))
 
 
@@ -70,9 +70,15 @@ def accuracy_in_use(raw: RawLog) -> MessageTable | None:
     found, gps = _receivers(raw), gps_in_use(raw)
     if gps is None:
         return first_instance(raw.table("GPA"))[0]
-    shares = [int(np.isin(gps.place, t.place).sum()) for t, _ in found]
+    shares = [_shared(gps.place, t.place) for t, _ in found]
     mine = found[int(np.argmax(shares))][1]
     return next((t for _, t in found if t is not None), None) if mine is None else mine
+
+
+def _shared(places: Ints, others: Ints) -> int:
+    """How many places (n,) are among others (m,), both in order."""
+    at = np.minimum(np.searchsorted(others, places), len(others) - 1)
+    return int(np.count_nonzero(others[at] == places)) if len(others) else 0
 
 
 def _receivers(raw: RawLog) -> list[tuple[MessageTable, MessageTable | None]]:
@@ -82,7 +88,7 @@ def _receivers(raw: RawLog) -> list[tuple[MessageTable, MessageTable | None]]:
         table, stated = raw.table(name), raw.table(accuracy)
         if table is None:
             continue
-        for instance in np.unique(table.floats("I")).tolist() if "I" in table else [None]:
+        for instance in distinct(table.floats("I")).tolist() if "I" in table else [None]:
             mine = stated
             if instance is not None and stated is not None and "I" in stated:
                 mine = raw.table(accuracy, lambda t, i=instance: np.asarray(t.floats("I") == i))  # type: ignore[misc]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.telemetry.dataflash.attitude import primary_core
+from pipeline.telemetry.dataflash.boots import continued
 from pipeline.telemetry.dataflash.flight import dataflash_flight
 from pipeline.telemetry.dataflash.local_position import LOCAL_MESSAGES, lane_changes
 from pipeline.telemetry.dataflash.messages.read import read_dataflash
@@ -41,8 +42,8 @@ def tlog_pieces(path: Path, *, system: int | None, gimbal: int | None = None) ->
 def dataflash_pieces(path: Path, *, gimbal: int | None = None) -> PieceReader:
     """A binary DataFlash log.
 
-    It has no second clock: where its time began anew between two pieces and came past the earlier one's before the
-    next, that is not told (ArduPilot begins a file with every boot); nor is a parameter that was set between them.
+    Its second clock is GPS time: without a fix a time that began anew between two pieces and came past the earlier's
+    before the next is not told (ArduPilot begins a file with every boot); nor is a parameter that was set between them.
     """
     return PieceReader(
         size=path.stat().st_size,
@@ -85,9 +86,10 @@ def _dataflash_readings(raw: RawLog, log: FlightLog) -> Readings:
 
 
 def _dataflash_doubtful(raw: RawLog, log: FlightLog) -> bool:
-    """Whether attitudes are a close choice, or the estimator's positions lack an origin that may be elsewhere."""
+    """Whether attitudes are a close choice, the estimator's positions lack an origin, or there are several boots."""
     source = "" if log.position is None else log.position.source
     local = {name for names, _ in LOCAL_MESSAGES for name in names}
     rootless = source not in ("POS", *local) and not local.isdisjoint(raw.tables)
     turning = source in local and lane_changes(raw) > 0
-    return rootless or turning or close_call(primary_core(raw), raw.table("ATT"))
+    joined = len(continued(raw).notes) > len(raw.notes)
+    return joined or rootless or turning or close_call(primary_core(raw), raw.table("ATT"))

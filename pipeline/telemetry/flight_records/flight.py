@@ -22,6 +22,7 @@ from pipeline.geometry import rotation
 from pipeline.telemetry.clocks.boot_clock import another_recording, continued
 from pipeline.telemetry.clocks.clock_model import fit_clock
 from pipeline.telemetry.flight_records.header import Header, check_units, header_of
+from pipeline.telemetry.gimbals.still_heading import still_heading
 from pipeline.telemetry.heights.dji import RECEIVER_SIGMA_M, dji_heights
 from pipeline.telemetry.log.flight_log import (
     EARTH,
@@ -103,6 +104,7 @@ def read_flight_record(path: Path, *, progress: Progress = None) -> FlightLog:
         )
     position, accuracy, height_notes = _position(rows, time)
     events, event_notes = _recordings(rows, time)
+    attitude, gimbal = _attitude(rows, time), _gimbal(rows, time)
     if progress is not None:
         progress(1.0)
     return FlightLog(
@@ -110,14 +112,14 @@ def read_flight_record(path: Path, *, progress: Progress = None) -> FlightLog:
         format="flight record",
         counts={header.dialect: len(rows.cells)},
         position=position,
-        attitude=_attitude(rows, time),
-        gimbal=_gimbal(rows, time),
+        attitude=attitude,
+        gimbal=gimbal,
         camera_event_s=events,
         camera_event_source="isVideo" if len(events) else "",
         camera_event_sigma_s=RECORDING_LAG_S if len(events) else 0.0,
         utc=utc,
         accuracy=accuracy,
-        notes=(*time_notes, *event_notes, *height_notes),
+        notes=(*time_notes, *event_notes, *height_notes, *still_heading(gimbal, attitude)),
     )
 
 

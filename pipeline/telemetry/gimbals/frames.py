@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints, whole_numbers
+from calibration.foundation.arrays import Bools, Floats, Ints, distinct, median, whole_numbers
 from pipeline.geometry import rotation
 from pipeline.telemetry.log.flight_log import BODY, EARTH, HEADING, AttitudeSeries, GimbalSeries
 
@@ -93,7 +93,7 @@ def ned_from_mount(attitude: Floats, frame: Ints, ned_from_body: Floats) -> Floa
 
 def steadier_frame(gimbal: GimbalSeries, body: AttitudeSeries | None) -> int:
     """HEADING or BODY: in which of the two the mount keeps the horizon steadier."""
-    seen = _beside_body(gimbal, body)
+    seen = beside_body(gimbal, body)
     if seen is None:
         return HEADING
     mount, turned = seen
@@ -104,7 +104,7 @@ def told_frame(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Gimba
     """A mount whose messages do not say what they count from, with the frame its motion tells, and a note."""
     frame = steadier_frame(gimbal, body)
     note = f"{gimbal.source} does not say what its angles count from; by the vehicle's motion: {FRAME_NAMES[frame]}"
-    doubt = _doubt(_beside_body(gimbal, body), commanded=True)
+    doubt = _doubt(beside_body(gimbal, body), commanded=True)
     return replace(gimbal, frame=np.full(len(gimbal.frame), frame)), [note + (f" ({doubt})" if doubt else "")]
 
 
@@ -121,8 +121,8 @@ def held_frame(
     `commanded` its angles may be what an autopilot asks for rather than what an encoder reads.
     """
     attitude = gimbal.attitude if against_body is None else against_body
-    seen = _beside_body(gimbal, body)
-    servos = seen if against_body is None else _beside_body(replace(gimbal, attitude=attitude), body)
+    seen = beside_body(gimbal, body)
+    servos = seen if against_body is None else beside_body(replace(gimbal, attitude=attitude), body)
     if seen is None or servos is None:
         return gimbal, []
     mount, _ = seen
@@ -136,7 +136,7 @@ def held_frame(
     gimbal, notes = _held_yaw(gimbal, body, seen)
     doubt = _doubt(servos, commanded=commanded)
     if doubt and not notes:
-        stated = " or ".join(FRAME_NAMES[kind] for kind in np.unique(gimbal.frame).tolist())
+        stated = " or ".join(FRAME_NAMES[kind] for kind in distinct(gimbal.frame).tolist())
         notes = [f"{gimbal.source}: {doubt}; it is read as it says, against {stated}"]
     return gimbal, notes
 
@@ -146,16 +146,16 @@ def _held_yaw(
 ) -> tuple[GimbalSeries, list[str]]:
     """The mount with yaw held against the vehicle's heading, the rows of each stated frame by themselves.
 
-    `all_seen` is `_beside_body` of all of it.
+    `all_seen` is `beside_body` of all of it.
     """
     frame, notes = gimbal.frame.copy(), []
-    kinds = np.unique(gimbal.frame).tolist()
+    kinds = distinct(gimbal.frame).tolist()
     for stated in kinds:
         rows = gimbal.frame == stated
         seen: tuple[Floats, Floats] | None = all_seen
         if len(kinds) > 1:
             part = replace(gimbal, time_s=gimbal.time_s[rows], attitude=gimbal.attitude[rows], frame=gimbal.frame[rows])
-            seen = _beside_body(part, body)
+            seen = beside_body(part, body)
         yaw = stated if seen is None else _yaw_frame(*seen, stated)
         if yaw != stated:
             frame[rows] = yaw
@@ -213,7 +213,7 @@ def same_gimbal(first: GimbalSeries, second: GimbalSeries, body: AttitudeSeries 
     if not close.any():
         return False
     x1, x2 = (rotation.matrix(q)[..., 0] for q in (q1[close], q2[near[close]]))
-    return bool(np.median(np.arccos(np.clip((x1 * x2).sum(axis=1), -1, 1))) < RELAYED_RAD)
+    return bool(median(np.arccos(np.clip((x1 * x2).sum(axis=1), -1, 1))) < RELAYED_RAD)
 
 
 def attitude_at(body: AttitudeSeries, time_s: Floats) -> tuple[Floats, Bools]:
@@ -229,17 +229,17 @@ def attitude_at(body: AttitudeSeries, time_s: Floats) -> tuple[Floats, Bools]:
     return rotation.slerp(q[left], q[left + 1], np.where(inside, share, 0.0)), inside
 
 
-def _beside_body(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Floats, Floats] | None:
+def beside_body(gimbal: GimbalSeries, body: AttitudeSeries | None) -> tuple[Floats, Floats] | None:
     """Mount attitudes and the body's beside them (k, 4); None where there are too few."""
     told = np.flatnonzero(gimbal.valid)
     if body is None or len(told) < 10:
         return None
-    rows = _in_runs(told)
+    rows = in_runs(told)
     turned, inside = attitude_at(body, gimbal.time_s[rows])
     return gimbal.attitude[rows][inside], turned[inside]
 
 
-def _in_runs(rows: Ints) -> Ints:
+def in_runs(rows: Ints) -> Ints:
     """All of few rows (n,), of more RUNS evenly spread runs of RUN_ROWS neighbours."""
     if len(rows) <= RUNS * RUN_ROWS:
         return rows
@@ -250,7 +250,7 @@ def _in_runs(rows: Ints) -> Ints:
 def _doubt(seen: tuple[Floats, Floats] | None, *, commanded: bool = False) -> str:
     """What to say where the motion does not tell the horizon from the body and the two readings differ.
 
-    `seen` is `_beside_body` of the mount as it reads against the body.
+    `seen` is `beside_body` of the mount as it reads against the body.
     """
     if seen is None:
         return ""
@@ -275,7 +275,7 @@ def _doubt(seen: tuple[Floats, Floats] | None, *, commanded: bool = False) -> st
 def _apart_deg(mount: Floats, body: Floats) -> float:
     """Typical angle between the optical axis read against the horizon and heading, and against the body."""
     axis, other = (rotation.matrix(rotation.multiply(t, mount))[..., 0] for t in (heading_turn(body), body))
-    return float(np.degrees(np.median(np.arccos(np.clip((axis * other).sum(axis=1), -1, 1))))) if len(mount) else 0.0
+    return float(np.degrees(median(np.arccos(np.clip((axis * other).sum(axis=1), -1, 1))))) if len(mount) else 0.0
 
 
 def _yaw_frame(mount: Floats, body: Floats, stated: int) -> int:

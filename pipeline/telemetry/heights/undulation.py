@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.foundation.arrays import Floats
+from calibration.foundation.arrays import Floats, median
 from pipeline.telemetry.heights.geoid import geoid_height_m, geoid_name
 
 LARGEST_UNDULATION_M = 120.0
@@ -58,7 +58,7 @@ def undulation_of(
     possible = np.abs(difference_m) < LARGEST_UNDULATION_M
     if not possible.any():
         return None
-    own = float(np.median(difference_m[possible]))
+    own = median(difference_m[possible])
     model = _middle_m(lat_deg[possible], lon_deg[possible])
     if np.all(np.abs(difference_m[possible]) < equal_m) and abs(model) > CLEAR_M:
         return Undulation(
@@ -112,4 +112,4 @@ def _middle_m(lat_deg: Floats, lon_deg: Floats) -> float:
 
 
 def _median(value: Floats) -> float:
-    return float(np.nanmedian(value)) if np.isfinite(value).any() else float("nan")
+    return median(value[~np.isnan(value)]) if np.isfinite(value).any() else float("nan")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Bools, Floats, Ints, median
 from pipeline.telemetry.log.flight_log import AttitudeSeries, Datum, GimbalSeries, PositionSeries
 from pipeline.telemetry.log.tables import MessageTable
 
@@ -62,7 +62,7 @@ def repetitions(time_s: Floats, lat_deg: Floats, lon_deg: Floats) -> Bools:
     north, east = np.diff(lat) * METRES_PER_DEGREE, np.diff(lon) * METRES_PER_DEGREE * np.cos(np.radians(lat[1:]))
     changed = np.concatenate([[True], (north != 0) | (east != 0)])
     steps = np.hypot(north, east)[changed[1:]]
-    if len(steps) < LEAST_STEPS or np.median(steps) < LEAST_STEP_M:
+    if len(steps) < LEAST_STEPS or median(steps) < LEAST_STEP_M:
         return none
     renewal, message = interval_s(time[changed]), interval_s(time)
     if not STAIRCASE * message <= renewal <= SLOWEST_RENEWAL_S:
@@ -75,7 +75,7 @@ def repetitions(time_s: Floats, lat_deg: Floats, lon_deg: Floats) -> Bools:
 def interval_s(time_s: Floats) -> float:
     """Typical time between rows (n,) in time order, those of one moment (two links) taken as one; NaN where none is."""
     step = np.diff(time_s)
-    return float(np.median(step[step > 0])) if (step > 0).any() else float("nan")
+    return median(step[step > 0]) if (step > 0).any() else float("nan")
 
 
 def attitude_series(*, source: str, time_s: Floats, ned_from_body: Floats) -> AttitudeSeries:
@@ -105,7 +105,7 @@ def close_call(first: MessageTable | None, second: MessageTable | None) -> bool:
 def median_of(value: Floats, most: float) -> float:
     """Median of the values that say something (above 0, at most `most`); NaN where none does."""
     said = value[(value > 0) & (value <= most)]
-    return float(np.median(said)) if len(said) else float("nan")
+    return median(said) if len(said) else float("nan")
 
 
 def _order(time_s: Floats) -> Ints | slice:

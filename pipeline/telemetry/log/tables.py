@@ -146,6 +146,7 @@ class RawLog:
     """A log as its reader found it: tables by message name, and what could not be read.
 
     bytes_read  how many of the file's bytes were looked at, where it was read in pieces; else 0
+    heads       places at which another log begins, of logs joined in one file, by definitions that are repeated
     """
 
     path: Path
@@ -155,6 +156,7 @@ class RawLog:
     corrupt_packets: int = 0
     notes: tuple[str, ...] = field(default=())
     bytes_read: int = 0
+    heads: tuple[int, ...] = ()
 
     def without(self, names: Sequence[str]) -> RawLog:
         """The same without the messages of some names."""

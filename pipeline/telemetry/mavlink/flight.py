@@ -10,7 +10,7 @@ from pipeline.telemetry.log.flight_log import (
 )
 from pipeline.telemetry.log.tables import RawLog
 from pipeline.telemetry.mavlink.accuracy import stated_accuracy
-from pipeline.telemetry.mavlink.attitude import vehicle_attitude
+from pipeline.telemetry.mavlink.attitude import has_attitude, vehicle_attitude
 from pipeline.telemetry.mavlink.camera_events import camera_events
 from pipeline.telemetry.mavlink.gimbal import gimbal_attitude
 from pipeline.telemetry.mavlink.position import receiver_of, simulated, vehicle_position, vehicle_undulation
@@ -22,6 +22,7 @@ from pipeline.telemetry.mavlink.vehicle import (
     choose_vehicle,
     clock_notes,
     systems_of,
+    unix_readings,
 )
 
 
@@ -34,7 +35,8 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
     not.
     """
     chosen, notes = choose_vehicle(raw, system)
-    clock = boot_clock(*boot_readings(raw, chosen))
+    place, boot_s, record_s = boot_readings(raw, chosen)
+    clock = boot_clock(place, boot_s, record_s, unix_readings(raw, chosen, place))
     vehicle = Vehicle(raw=raw, system=chosen[0], component=chosen[1], clock=clock)
     notes += clock_notes(vehicle.clock)
     utc, utc_notes = utc_clock(vehicle)
@@ -42,7 +44,8 @@ def mavlink_flight(raw: RawLog, *, system: int | None = None, gimbal: int | None
     position, height_notes = vehicle_position(vehicle, undulation)
     receiver, truth, accuracy = receiver_of(vehicle, undulation), simulated(vehicle), stated_accuracy(vehicle)
     systems = systems_of(raw)
-    raw = raw.without((*POSITION_MESSAGES, "SYSTEM_TIME"))  # of a long log they are as large as what is made of them
+    spent = [name for name in POSITION_MESSAGES if name != "AHRS2" or has_attitude(vehicle)]
+    raw = raw.without((*spent, "SYSTEM_TIME"))  # of a long log they are as large as what is made of them
     vehicle = replace(vehicle, raw=raw)
     attitude = vehicle_attitude(vehicle)
     mount, gimbals, gimbal_notes = gimbal_attitude(vehicle, attitude, gimbal)

@@ -32,6 +32,8 @@ def utc_clock(vehicle: Vehicle) -> tuple[ClockModel | None, tuple[str, ...]]:
 def log_time_of(vehicle: Vehicle, table: MessageTable, utc: ClockModel | None = None) -> Floats:
     """Log time (n,) of a table, by the best its messages carry."""
     arrived = vehicle.clock.of_record(table.place, table.record_time_s)
+    if len(vehicle.clock.log_s) == 0:
+        return arrived
     if "time_boot_ms" in table:
         boot = table.floats("time_boot_ms") / 1000
         if np.all(table.component == vehicle.component):

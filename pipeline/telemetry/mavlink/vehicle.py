@@ -9,6 +9,7 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from calibration.foundation.errors import InputFileError
 from pipeline.telemetry.clocks.boot_clock import BootClock
+from pipeline.telemetry.clocks.utc import plausible_utc
 from pipeline.telemetry.log.tables import MessageTable, RawLog
 
 GPS_MESSAGES = ("GPS_RAW_INT", "GPS2_RAW")
@@ -138,8 +139,20 @@ def boot_readings(raw: RawLog, chosen: tuple[int, int]) -> tuple[Ints, Floats, F
     return place[order], boot_s, record_s
 
 
+def unix_readings(raw: RawLog, chosen: tuple[int, int], place: Ints) -> Floats:
+    """The vehicle's UTC at places (n,), those of `boot_readings`; NaN where it tells none, or one of no flight."""
+    found = np.full(len(place), np.nan)
+    table = raw.table("SYSTEM_TIME", lambda t: (t.system == chosen[0]) & (t.component == chosen[1]))
+    if table is not None:
+        unix = table.floats("time_unix_usec") * 1e-6
+        found[np.searchsorted(place, table.place)] = np.where(plausible_utc(unix), unix, np.nan)
+    return found
+
+
 def clock_notes(clock: BootClock) -> list[str]:
     """One sentence for each start anew of the vehicle, and for a recorder's clock that lies."""
+    if not len(clock.log_s):
+        return ["no message carries the vehicle's boot time: log time is the recorder's, in seconds since 1970"]
     notes = []
     for place, offset in zip(clock.restart_place.tolist(), clock.offset_s[1:].tolist(), strict=True):
         at = float(clock.log_s[np.searchsorted(clock.place, place)])

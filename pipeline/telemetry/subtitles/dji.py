@@ -24,6 +24,7 @@ from calibration.foundation.errors import InputFileError
 from calibration.foundation.files import read_bytes
 from pipeline.geometry import rotation
 from pipeline.telemetry.clocks.boot_clock import another_recording, continued
+from pipeline.telemetry.gimbals.still_heading import still_heading
 from pipeline.telemetry.heights.dji import RECEIVER_SIGMA_M, dji_heights
 from pipeline.telemetry.log.flight_log import (
     EARTH,
@@ -80,14 +81,15 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
     if progress is not None:
         progress(1.0)
     position, accuracy, height_notes = _position(used, time[timed])
+    attitude, gimbal = _attitude(used, time[timed]), _gimbal(used, time[timed])
     return FlightLog(
         path=path,
         format="dji srt",
         counts={"subtitle": len(used)},
         corrupt_packets=int((~timed).sum()),
         position=position,
-        attitude=_attitude(used, time[timed]),
-        gimbal=_gimbal(used, time[timed]),
+        attitude=attitude,
+        gimbal=gimbal,
         accuracy=accuracy,
         video_start_s=0.0 if inside else NOTHING,
         video_start_sigma_s=IN_VIDEO_SIGMA_S if inside else NOTHING,
@@ -95,6 +97,7 @@ def read_dji_srt(path: Path, *, progress: Progress = None) -> FlightLog:
             "log time is the video's own; dates in the subtitles are of an unknown time zone",
             *(another_recording(offset) for _, offset in parts),
             *height_notes,
+            *still_heading(gimbal, attitude),
         ),
     )
 

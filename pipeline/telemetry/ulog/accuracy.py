@@ -6,7 +6,7 @@ from pipeline.telemetry.log.flight_log import (
     Accuracy,
 )
 from pipeline.telemetry.log.series import median_of
-from pipeline.telemetry.ulog.topics import GPS_TOPICS, Topic, floats
+from pipeline.telemetry.ulog.columns import GPS_TOPICS, Topic, floats
 
 
 def stated_accuracy(topics: dict[str, Topic]) -> Accuracy:

@@ -27,7 +27,7 @@ from pipeline.telemetry.log.flight_log import (
     GimbalSeries,
 )
 from pipeline.telemetry.log.series import attitude_series, gimbal_series
-from pipeline.telemetry.ulog.topics import Topic, floats, topic_time
+from pipeline.telemetry.ulog.columns import Topic, floats, topic_time
 
 OUTPUT_FLAGS = NEUTRAL | ROLL_LOCK | PITCH_LOCK | YAW_LOCK
 """What PX4 writes beside the angles of its own outputs, always (gimbal/output_rc.cpp), whatever it was asked for."""

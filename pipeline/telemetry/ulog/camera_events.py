@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.foundation.arrays import Floats
-from pipeline.telemetry.ulog.topics import Topic, floats, topic_time
+from pipeline.telemetry.ulog.columns import Topic, floats, topic_time
 
 
 def camera_events(instances: dict[str, dict[int, Topic]]) -> tuple[Floats, str, tuple[str, ...]]:

@@ -18,7 +18,7 @@ from pipeline.telemetry.log.flight_log import (
 )
 from pipeline.telemetry.log.receiver import ReceiverSeries, at_times, receiver_series
 from pipeline.telemetry.log.series import position_series
-from pipeline.telemetry.ulog.topics import GPS_TOPICS, Topic, degrees, floats, metres, topic_time
+from pipeline.telemetry.ulog.columns import GPS_TOPICS, Topic, degrees, floats, metres, topic_time
 
 TRUE_PLACE = "vehicle_global_position_groundtruth"
 """What PX4's simulators say of the vehicle, in the estimator's own message; its attitude is a topic beside it."""

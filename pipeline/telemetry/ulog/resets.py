@@ -7,7 +7,7 @@ import numpy as np
 from calibration.foundation.arrays import Bools, Floats
 from pipeline.geometry import rotation
 from pipeline.telemetry.log.series import METRES_PER_DEGREE
-from pipeline.telemetry.ulog.topics import Topic, floats, topic_time
+from pipeline.telemetry.ulog.columns import Topic, floats, topic_time
 
 LEAST_M, LEAST_RAD = 1.0, np.radians(2.0)
 """Smaller steps are within what the instruments are worth."""

@@ -11,7 +11,7 @@ from pipeline.telemetry.clocks.utc import believed_utc, plausible_utc
 from pipeline.telemetry.log.flight_log import (
     ClockModel,
 )
-from pipeline.telemetry.ulog.topics import GPS_TOPICS, Topic, floats, topic_time
+from pipeline.telemetry.ulog.columns import GPS_TOPICS, Topic, floats, topic_time
 
 UTC_FLOOR_S = 0.2
 BOOT_TIME, BOOT_FLOOR_S = "boot_time_utc_us", 1.0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.report import render_report
-from tests.scenes.report import fake_results
+from tests.scenes.report import fake_results, with_films
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 BROWSER = next((found for found in map(shutil.which, NAMES) if found), None)
@@ -44,7 +44,7 @@ def browse_address(address: str, profile: Path, *options: str) -> tuple[str, str
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(render_report(fake_results(seconds=8)), encoding="utf-8")
+    path.write_text(render_report(with_films(fake_results(seconds=8))), encoding="utf-8")
     return path
 
 
@@ -69,6 +69,10 @@ USE_IT = """
 const canvas = document.getElementById("space"), slider = document.getElementById("moment");
 const chart = document.querySelector("svg[data-t0]"), done = [];
 const look = () => canvas.toDataURL();
+const films = () => [...document.querySelectorAll(".film")];
+const stills = () => films().map((f) => f.querySelector("img").src + f.querySelector(".when").textContent).join();
+const grounds = () => [...document.querySelectorAll("image.ground")];
+const ground = () => grounds().map((g) => getComputedStyle(g).display).join();
 const wait = () => new Promise((go) => setTimeout(go, 60));
 const point = (kind, x, y) =>
   canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, clientX: x, clientY: y, bubbles: true }));
@@ -85,6 +89,7 @@ const steps = {
 };
 (async () => {
   await wait();
+  const still = stills(), shown = ground();
   for (const [name, step] of Object.entries(steps)) {
     const before = look();
     step();
@@ -94,7 +99,10 @@ const steps = {
   const box = chart.getBoundingClientRect();
   chart.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + box.width / 2, clientY: box.top + 50 }));
   const at = chart.querySelector(".moment").getAttribute("x1"), dot = document.querySelector(".map .now");
-  const words = [...done, +slider.value, at > 0, dot.getAttribute("cx") > 0].join(" ");
+  document.getElementById("ground").click();
+  const moved = stills() !== still && document.querySelectorAll(".film circle").length > 0;
+  const hidden = shown.includes("inline") && !ground().includes("inline");
+  const words = [...done, +slider.value, at > 0, dot.getAttribute("cx") > 0, moved, hidden].join(" ");
   document.documentElement.setAttribute("data-used", words);
 })();
 </script>
@@ -110,7 +118,7 @@ def test_slider_mouse_and_keys_move_the_page(report, tmp_path):
     words = re.search(r'data-used="([^"]*)"', page)[1].split()
     assert words[:8] == ["slider", "drag", "key", "wheel", "above", "targets", "picture", "hide"]
     assert 3 < float(words[8]) < 5.5
-    assert words[9:] == ["true", "true"]
+    assert words[9:] == ["true"] * 4
 
 
 @pytest.mark.parametrize("width", [1280, 400])

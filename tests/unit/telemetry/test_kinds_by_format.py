@@ -2,13 +2,26 @@
 
 kind          .tlog                      DataFlash                  ULog                        subtitles
 whose row     heartbeat, system, gimbal  instance (I), receiver U   instance, gimbal_device_id  one flight
-two boots     test_logs                  POS and GPS time           topics that fall back       cues that fall back
+two boots     falls, leaps (recorder,    falls, leaps (GPS time),   falls, joined logs          cues that fall back
+              UTC)                       definitions repeated
 validity      fix_type, encoder error    Status                     lat_lon_valid, alt_valid    0, 0
-frames        servo flags, yaw, north    MNT of servos              flags of servos             stated by DJI
+frames        servo flags, yaw, north    MNT of servos              flags of servos             a heading that is still
 heights       equal, EGM96, parameter    equal (AEl), parameter     equal                       home, wrong pressure
 sigmas        receiver in use            GPA of the one in use      eph                         digits, staircase
 clocks        set later, week            loses time                 POSIX, boot_time_utc_us     the video's own
 definitions   checksums fix them         length, redefined          read by pyulog              dialects
+
+Metadata of ST 0601 (klv/test_klv.py) and flight records (flight_records/) have the same cells where they have the kind:
+kind          ST 0601                                     flight records
+whose row     streams by PID, changes of platform, sensor one vehicle in a file
+two boots     stamps that fall back or leap               times that fall back, dates that leap
+validity      error and out-of-range values, checksum     isGPSUsed, 0, 0
+frames        against the platform's body, by standard    a heading that is still
+heights       104, 75 or 15: the item says the datum      unit in the header, home
+sigmas        none is carried                             DJI's instruments; digits as of subtitles
+clocks        leap seconds, stamps that were set          ticks of whole seconds, local dates
+definitions   lengths (BER), versions                     header, delimiter, unit
+Two boots: test_second_boots.py.
 Sources: [MAV] MAVLink message definitions, [AP] ArduPilot's log and parameter documentation, [PX4] its message files.
 """
 

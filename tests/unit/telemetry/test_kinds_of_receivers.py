@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from pipeline.geometry import rotation
 from pipeline.telemetry import read_log
 from tests.scenes import logs as written
 from tests.scenes.logs import RECORD_EPOCH_S, Link, definitions, record, turned, ulog
@@ -129,6 +130,31 @@ def test_cores_that_take_over_from_each_other(tmp_path):
     north = np.degrees(log.position.lat_rad - np.radians(28.2)) * 110_830.0
     np.testing.assert_allclose(north, [0.5 * i + 100.0 * (i >= 50) for i in range(100)], atol=1.0)
     assert any("changed 1 times (PI)" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("boot", [True, False])
+@pytest.mark.parametrize("attitude", [True, False])
+def test_the_second_estimator_of_a_link(tmp_path, boot, attitude):
+    """[MAV] AHRS2, radians: attitudes where there are no others; without a boot time the recorder's is log time."""
+    link = Link()
+    for i in range(100):
+        now, ms = RECORD_EPOCH_S + i / 10, 100_000 + 100 * i
+        link.send(mav.MAVLink_heartbeat_message(2, 3, 81, 0, 4, 3), record_s=now)
+        if boot:
+            link.send(mav.MAVLink_system_time_message(0, ms), record_s=now)
+        if attitude and boot:
+            link.send(mav.MAVLink_attitude_message(ms, 0.3, 0.2, 0.1, 0, 0, 0), record_s=now)
+        ahrs2 = mav.MAVLink_ahrs2_message(0.01, -0.02, 1.5, 100.0, LAT, LON + 100 * i)
+        link.send(ahrs2, record_s=now)
+    log = read_log(link.save(tmp_path / "a.tlog"))
+    assert log.position.source == "AHRS2"
+    assert log.position.valid.all()
+    np.testing.assert_allclose(np.diff(log.position.time_s), 0.1, atol=1e-5)
+    assert log.position.time_s[0] == pytest.approx(100.0 if boot else RECORD_EPOCH_S, abs=0.01)
+    assert log.attitude.source == ("ATTITUDE" if attitude and boot else "AHRS2")
+    assert any("no message carries the vehicle's boot time" in note for note in log.notes) == (not boot)
+    q = rotation.ned_from_frd(*((0.1, 0.2, 0.3) if attitude and boot else (1.5, -0.02, 0.01)))
+    np.testing.assert_allclose(np.abs(log.attitude.ned_from_body[0] @ q), 1.0, atol=1e-7)
 
 
 def test_the_second_estimator_alone(tmp_path):

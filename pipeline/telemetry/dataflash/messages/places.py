@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from calibration.foundation.arrays import Ints
+from calibration.foundation.arrays import Ints, distinct
 from calibration.foundation.compiled import AVAILABLE
 from pipeline.telemetry.dataflash.messages.chain import SEGMENT_BYTES, chain, first_message
 from pipeline.telemetry.dataflash.messages.doubt import is_whole
@@ -120,7 +120,7 @@ def judged(source: npt.NDArray[np.uint8], layouts: Mapping[int, Layout], found: 
     """The messages to believe: all that are not doubtful, and of those the ones that their neighbours bear out."""
     believed = found.resumed == 0
     doubtful = np.flatnonzero(~believed)[:MOST_JUDGED]
-    of_kind = {int(k): np.flatnonzero(believed & (found.kind == k)) for k in np.unique(found.kind[doubtful])}
+    of_kind = {int(k): np.flatnonzero(believed & (found.kind == k)) for k in distinct(found.kind[doubtful])}
     for i in doubtful.tolist():
         at = int(found.place[i])
         if found.kind[i] == FMT_KIND:

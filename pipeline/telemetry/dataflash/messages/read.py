@@ -74,7 +74,7 @@ def read_dataflash(
         corrupt += believed.corrupt
         for kind in np.flatnonzero(believed.counts).tolist():
             counts[layouts_then[kind].name] += int(believed.counts[kind])
-        for kind in np.unique(believed.kind).tolist():
+        for kind in np.flatnonzero(np.bincount(believed.kind)).tolist():
             if layouts_then[kind].name in wanted:
                 table = _gather(data, layouts_then[kind], believed.place[believed.kind == kind])
                 tables[layouts_then[kind].name].append(table)
@@ -89,7 +89,14 @@ def read_dataflash(
         if unreadable
         else (),
         bytes_read=len(data) if pieces and searched else bytes_in(pieces or ()),
+        heads=_heads(data, found),
     )
+
+
+def _heads(data: Bytes, found: Places) -> tuple[int, ...]:
+    """Where logs begin but the first: ArduPilot defines the definition itself first of all."""
+    own = [at for at in found.place[found.kind == FMT_KIND].tolist() if data[at + 3] == FMT_KIND]
+    return tuple(own[1:])
 
 
 def _epochs(
@@ -150,9 +157,11 @@ def read_dataflash_text(path: Path, *, wanted: tuple[str, ...] = WANTED, progres
     rows: dict[tuple[str, Layout], list[tuple[int, list[str]]]] = defaultdict(list)
     counts: Counter[str] = Counter()
     corrupt = 0
+    heads: list[int] = []
     for place, line in enumerate(lines):
         name, *values = (part.strip() for part in line.split(","))
         if name == "FMT" and len(values) >= 5 and values[0].isdigit():
+            heads += [place] if values[2] == "FMT" else []
             layouts[values[2]] = _text_layout(values)
         elif name in layouts and len(values) == len(layouts[name].fields):
             counts[name] += 1
@@ -178,6 +187,7 @@ def read_dataflash_text(path: Path, *, wanted: tuple[str, ...] = WANTED, progres
         tables={name: joined_tables(parts) for name, parts in tables.items()},
         counts=counts,
         corrupt_packets=corrupt,
+        heads=tuple(heads[1:]),
     )
 
 

@@ -33,7 +33,7 @@ FIELDS = {
     "GLOBAL_POSITION_INT": ("time_boot_ms", "lat", "lon", "alt", "relative_alt", "vx", "vy", "vz"),
     "GPS_RAW_INT": ("time_usec", "fix_type", "lat", "lon", "alt", "alt_ellipsoid", "h_acc", "v_acc", "hdg_acc", "yaw"),
     "GPS2_RAW": ("time_usec", "fix_type", "lat", "lon", "alt", "alt_ellipsoid", "h_acc", "v_acc", "hdg_acc", "yaw"),
-    "AHRS2": ("lat", "lng", "altitude"),
+    "AHRS2": ("lat", "lng", "altitude", "roll", "pitch", "yaw"),
     "ATTITUDE": ("time_boot_ms", "roll", "pitch", "yaw"),
     "ATTITUDE_QUATERNION": ("time_boot_ms", "q1", "q2", "q3", "q4"),
     "GIMBAL_DEVICE_ATTITUDE_STATUS": ("time_boot_ms", "flags", "q", "failure_flags", "delta_yaw", "gimbal_device_id"),

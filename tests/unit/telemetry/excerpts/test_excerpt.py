@@ -250,6 +250,16 @@ def test_dataflash_times_that_fall_back_read_the_log_whole(tmp_path):
     assert read_log(path, excerpts=part(150.0)).excerpt_s is None
 
 
+@pytest.mark.parametrize(("week_s", "whole"), [(2000.0, True), (700.0, False)])
+def test_a_later_boot_by_gps_time_reads_the_log_whole(tmp_path, week_s, whole):
+    first, second = (
+        dataflash_records(gyro_hz=20, seconds=300.0),
+        dataflash_records(gyro_hz=20, seconds=300.0, boot_s=BOOT_S + 600.0, week_s=week_s),
+    )
+    path = saved(tmp_path / "two.bin", [*first, *second])
+    assert (read_log(path, excerpts=part(150.0)).excerpt_s is None) == whole
+
+
 def test_stamps_that_lie_read_the_log_whole(tmp_path):
     link = Link()
     for i in range(30):

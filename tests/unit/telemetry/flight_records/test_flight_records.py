@@ -30,7 +30,16 @@ DJI = (
 )
 
 
-def airdata(*, unit="feet", rows=60, sea=True, offset_s=0.35, video=range(20, 40)):
+def airdata(
+    *,
+    unit="feet",
+    rows=60,
+    sea=True,
+    offset_s=0.35,
+    video=range(20, 40),
+    heading=lambda i: 90.0,
+    gimbal=lambda i: 100.5,
+):
     """10 Hz, flying east, the clock's seconds ticking `offset_s` before the record's."""
     metre = 1 / 0.3048 if unit == "feet" else 1.0
     lines = [AIRDATA.format(u=unit)]
@@ -39,7 +48,7 @@ def airdata(*, unit="feet", rows=60, sea=True, offset_s=0.35, video=range(20, 40
         above = f"{169.0 * metre + 20 * metre}" if sea else ""
         lines.append(
             f"{100 * i},{str(clock).replace('T', ' ')},45.0,{7.0 + 1e-5 * i:.7f},{20 * metre},{above},3.1,12,5,"
-            f"90.0, -2.3, -0.4,0,{int(i in video)},100.5,-30.0"
+            f"{heading(i):.1f}, -2.3, -0.4,0,{int(i in video)},{gimbal(i):.1f},-30.0"
         )
     return "\n".join(lines) + "\n"
 
@@ -237,3 +246,28 @@ def test_a_table_of_poses_is_none(tmp_path):
     assert is_pose_table(tmp_path / "poses.csv")
     assert not is_pose_table(tmp_path / "flight.csv")
     assert is_pose_table(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize(
+    ("turns_deg", "follows", "said"), [(60.0, 0.0, True), (60.0, 1.0, False), (60.0, 0.01, False), (5.0, 0.0, False)]
+)
+def test_a_gimbal_heading_that_never_moves_while_the_aircraft_turns_is_doubted(tmp_path, turns_deg, follows, said):
+    log = read(
+        tmp_path,
+        airdata(heading=lambda i: 90.0 + turns_deg * i / 60, gimbal=lambda i: 100.0 + follows * turns_deg * i / 60),
+    )
+    doubts = [note for note in log.notes if "never moves while the vehicle turns by" in note]
+    assert len(doubts) == said
+
+
+@pytest.mark.parametrize(("later_s", "at_s"), [(1000, 1000.0), (100, 100.0)])
+def test_a_second_recording_whose_times_leap_is_told_by_its_dates(tmp_path, later_s, at_s):
+    header, *rows = airdata().splitlines()
+    again = []
+    for row in rows:
+        time, clock, *rest = row.split(",")
+        clock = str(np.datetime64(clock.replace(" ", "T")) + later_s).replace("T", " ")
+        again.append(",".join([str(int(time) + 100_000), clock, *rest]))
+    log = read(tmp_path, "\n".join([header, *rows, *again]) + "\n")
+    assert log.position.time_s[60] == pytest.approx(at_s, abs=0.6)
+    assert sum("another recording begins" in note for note in log.notes) == (later_s == 1000)
