@@ -10,6 +10,7 @@
     rf.solve("flight.toml", "out")         tracks and poses -> trajectories
     rf.run("flight.toml", "out")           all of it; what is finished is not done again
     rf.open_results("out")                 what an earlier run left
+    rf.to_rerun("flight.toml", "out")      the same as a recording of the Rerun viewer (extra `rerun`)
 
 Each returns a frozen record that shows itself: `to_dataframe()` is a pandas table with units in its column names,
 `plot()` draws on matplotlib axes (extra `plot`) and returns them. A record holds what it was made of for those who want
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from calibration.foundation.errors import RunningFixError
     from pipeline.flight import read_flight
     from runningfix.records import Calibrated, Doubts, Log, Poses, Result, Tracks
-    from runningfix.stages import calibrate, check, open_results, poses, read_log, run, solve, track
+    from runningfix.stages import calibrate, check, open_results, poses, read_log, run, solve, to_rerun, track
 
 __all__ = [
     "Calibrated",
@@ -48,6 +49,7 @@ __all__ = [
     "read_log",
     "run",
     "solve",
+    "to_rerun",
     "track",
     "write_camera",
 ]

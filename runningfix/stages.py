@@ -12,7 +12,7 @@ from calibration.foundation.errors import InputFileError, UsageError
 from calibration.foundation.progress import Progress
 from pipeline.flight import Flight, read_flight
 from pipeline.records.problem import METHODS
-from pipeline.stages import check_flight, run_flight, run_poses, run_solve, run_track
+from pipeline.stages import check_flight, record_flight, run_flight, run_poses, run_solve, run_track
 from pipeline.telemetry import read_log as read_flight_log
 from runningfix.progress import bars
 from runningfix.records import Calibrated, Doubts, Log, Poses, Result, Tracks
@@ -116,6 +116,12 @@ def open_results(out: Named = "out") -> Result:
             advice="give the -o folder of that command",
         )
     return Result(folder=Path(out))
+
+
+def to_rerun(flight: FlightNamed, out: Named = "out", to: Named | None = None, *, videos: bool = True) -> Path:
+    """What a finished run left in `out` as a recording of the Rerun viewer; the file. Raises RunningFixError."""
+    asked = _flight(flight)
+    return record_flight(asked, Path(out), Path(to or Path(out) / f"{asked.path.stem}.rrd"), videos=videos).file
 
 
 def _flight(asked: FlightNamed) -> Flight:

@@ -82,7 +82,7 @@ def _one_camera(path: Path, document: Any, camera: str | None) -> Mapping[str, A
     cameras = cameras_in(document)
     if not cameras:
         refuse_bare_numbers(document, OWN_FORM)
-        keys = ", ".join(list(document)[:6]) if isinstance(document, Mapping) else type(document).__name__
+        keys = ", ".join(map(str, list(document)[:6])) if isinstance(document, Mapping) else type(document).__name__
         raise InputFileError(
             where=str(path),
             seen=f"no camera matrix (found: {keys or 'nothing'})",

@@ -23,6 +23,7 @@ OWN_MODULES = (
     "detect",
     "doctor",
     "experiment",
+    "export",
     "inspect",
     "label",
     "match",

@@ -53,6 +53,7 @@ def build_parser() -> argparse.ArgumentParser:
         ("run", "all of it; resumes where it was stopped"),
     ):
         _flight_command(commands, name, what)
+    _export(commands)
     _batch(commands)
     _boresight(commands)
     _inspect(commands)
@@ -244,6 +245,17 @@ def _flight_command(commands: Commands, name: str, what: str) -> None:
     if name in ("solve", "run"):
         methods = ("triangulation", "intersection", "li", "algorithm-1", "algorithm-2", "map")
         parser.add_argument("--method", choices=methods, help="instead of [solve] method in the flight file")
+
+
+def _export(commands: Commands) -> None:
+    parser = _command(
+        commands, "export", "a finished run as a recording of the Rerun viewer: trajectories, cameras, videos (.rrd)",
+        "runningfix export flight.toml -o out/\n  runningfix export flight.toml -o out/ --to show.rrd --no-video",
+    )  # fmt: skip
+    parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="out/", help="folder of the finished run")
+    parser.add_argument("--to", type=Path, metavar="FILE", help="file to write (default: flight.rrd in that folder)")
+    parser.add_argument("--no-video", action="store_true", help="leave the videos out: as large as they are otherwise")
 
 
 def _inspect(commands: Commands) -> None:

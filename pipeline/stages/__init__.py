@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pipeline.stages.running.match import MatchRun, run_match
     from pipeline.stages.running.poses import run_poses
     from pipeline.stages.running.provenance import decisive
+    from pipeline.stages.running.recording import RecordingMade, record_flight
     from pipeline.stages.running.results import gather_results
     from pipeline.stages.running.solve import run_solve
     from pipeline.stages.running.summary import RunSummary
@@ -37,6 +38,7 @@ else:
             "MatchRun": "running.match",
             "MeasuredPoses": "poses.measured",
             "Outlook": "checks.outlook",
+            "RecordingMade": "running.recording",
             "RunSummary": "running.summary",
             "build_problem": "problem.build",
             "check_flight": "running.check",
@@ -48,6 +50,7 @@ else:
             "open_sources": "inputs.sources",
             "read_models": "inputs.cameras",
             "read_tracks": "inputs.tracks",
+            "record_flight": "running.recording",
             "run_flight": "running.flight",
             "run_match": "running.match",
             "run_poses": "running.poses",
@@ -65,6 +68,7 @@ __all__ = [
     "MatchRun",
     "MeasuredPoses",
     "Outlook",
+    "RecordingMade",
     "RunSummary",
     "build_problem",
     "check_flight",
@@ -76,6 +80,7 @@ __all__ = [
     "open_sources",
     "read_models",
     "read_tracks",
+    "record_flight",
     "run_flight",
     "run_match",
     "run_poses",

@@ -11,19 +11,13 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.foundation.arrays import Bools, Floats, Ints
+from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment import _assembly, _kernels
 from pipeline.solver.adjustment.banded_system import Bordered
-from pipeline.solver.adjustment.elimination import (
-    At,
-    BlockNormals,
-    block_normals,
-    blocks_within,
-    frame_steps,
-    local_size,
-)
+from pipeline.solver.adjustment.elimination import At, BlockNormals, frame_steps
 from pipeline.solver.adjustment.known_rows import add_known
 from pipeline.solver.adjustment.model import Model, Order, State, drift_penalty, jerk_penalty
+from pipeline.solver.adjustment.seen_targets import Seen, seen_targets
 from pipeline.solver.observation.clocks import FOCAL, common_time_s
 from pipeline.solver.observation.frame_blocks import Blocks, partition
 
@@ -47,22 +41,13 @@ class Linear:
     cost: float
     frame_gain: float
     kept: Floats | None = None
-    found: tuple[Blocks, At] | None = None
+    found: Seen | None = None
     data: tuple[Bordered, float] | None = None
 
     @cached_property
-    def _where(self) -> tuple[Blocks, At]:
-        return self.found or blocks_at(self.model, self.state)
-
-    @property
-    def blocks(self) -> Blocks:
-        """The blocks at the state's clocks."""
-        return self._where[0]
-
-    @property
-    def at(self) -> At:
-        """The state as the elimination wants it."""
-        return self._where[1]
+    def seen(self) -> Seen:
+        """The blocks at the state's clocks, with the targets that they see, and the state at each."""
+        return self.found or seen_targets(self.model, *blocks_at(self.model, self.state))
 
 
 def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[Blocks, At]:
@@ -86,20 +71,18 @@ def blocks_at(model: Model, state: State, cluster: Ints | None = None) -> tuple[
 
 def linear(model: Model, state: State) -> Linear:
     """Normal equations and cost at `state`: one pass over the frames, some blocks at a time to bound the memory."""
-    blocks, at = blocks_at(model, state)
-    ranges = block_ranges(model, blocks, CHUNK_BLOCKS)
+    seen = seen_targets(model, *blocks_at(model, state))
     whole, cost, gain, kept = None, 0.0, 0.0, None
-    for low, high in ranges:
-        part, at_part = part_of(blocks, at, low, high)
-        normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=len(ranges) == 1)
-        system = assemble(model, part, normals)
+    for part in seen.parts(CHUNK_BLOCKS):
+        normals = part.normals(model, keep=part is seen)
+        system = assemble(model.order, part, normals)
         whole = system if whole is None else whole.plus(system)
         cost, gain, kept = cost + normals.cost, gain + normals.frame_gain, normals.kept
     assert whole is not None
     system, prior_cost = add_priors(model, state, whole)
     return Linear(
         model=model, state=state, system=system, cost=cost + prior_cost, frame_gain=gain, kept=kept,
-        found=(blocks, at), data=(whole, cost),
+        found=seen, data=(whole, cost),
     )  # fmt: skip
 
 
@@ -114,37 +97,6 @@ def linear_again(model: Model, state: State, begun: Linear | None) -> Linear:
     return replace(begun, model=model, system=system, cost=begun.data[1] + prior_cost)
 
 
-def part_of(blocks: Blocks, at: At, low: int, high: int) -> tuple[Blocks, At]:
-    """Blocks `low` to `high` alone; frames keep their numbers."""
-    own = slice(low, high)
-    part = replace(
-        blocks, begin=blocks.begin[low : high + 1], camera=blocks.camera[own], span=blocks.span[own],
-        segment=blocks.segment[own], cluster=blocks.cluster[own], half_s=blocks.half_s[own],
-        local_from_camera=blocks.local_from_camera[own],
-        wander=None if blocks.wander is None else blocks.wander[own],
-    )  # fmt: skip
-    return part, replace(at, series=at.series[own], bias=at.bias[own])
-
-
-def blocks_at_once(model: Model, blocks: Blocks, most: int) -> int:
-    """How many blocks' matrices may be held at once, `most` at most."""
-    return min(most, blocks_within(local_size(len(model.basis.targets), model.basis.degree, blocks)))
-
-
-def block_ranges(model: Model, blocks: Blocks, most: int) -> list[tuple[int, int]]:
-    """All blocks, as many at a time."""
-    chunk, count = blocks_at_once(model, blocks, most), len(blocks.camera)
-    return [(low, min(low + chunk, count)) for low in range(0, count, chunk)]
-
-
-def _seen(model: Model, blocks: Blocks) -> Bools:
-    """(B, N) whether a frame of a block sees a target."""
-    begin = blocks.begin - blocks.begin[0]
-    counted = np.cumsum(model.frames.seen[blocks.begin[0] : blocks.begin[-1]], axis=0)
-    counted = np.concatenate([np.zeros_like(counted[:1]), counted])
-    return np.asarray(counted[begin[1:]] > counted[begin[:-1]])
-
-
 def width_of(order: Order, places: Ints) -> int:
     """The band's width for blocks of `places` (B, G): as far apart as two of its unknowns are in one block."""
     inside = (places >= 0) & (places < order.n_band)
@@ -152,72 +104,29 @@ def width_of(order: Order, places: Ints) -> int:
     return max(order.width, int((high - low).max(initial=0)))
 
 
-def global_places(model: Model, blocks: Blocks) -> Ints:
-    """(B, G) where the block's targets' acting coefficients (target, axis, coefficient) and 13 parameters sit.
-
-    -1 where they are held, and for targets that no frame of the block sees.
-    """
-    order, parts, seen = model.order, [], _seen(model, blocks)
-    for n, t in enumerate(model.basis.targets):
-        acting = order.coefficient[t.active[blocks.span][:, None] + np.arange(t.degree + 1)]
-        acting = np.where(seen[:, n, None, None], acting, -1)
-        parts.append(np.swapaxes(acting, 1, 2).reshape(len(blocks.camera), -1))
-    parts.append(order.camera[blocks.camera])
-    knots = np.full((len(blocks.camera), 2), -1, dtype=np.int64)
-    drifting = blocks.segment >= 0
-    if drifting.any():
-        knots[drifting] = order.drift[blocks.segment[drifting][:, None] + np.arange(2)]
-    parts.append(knots)
-    if blocks.wander is not None:
-        wander = np.full((len(blocks.camera), 12), -1, dtype=np.int64)
-        inside = blocks.wander >= 0
-        wander[inside] = order.wander[blocks.wander[inside][:, None] + np.arange(2)].reshape(-1, 12)
-        parts.append(wander)
-    return np.concatenate(parts, axis=1)
-
-
-def local_from_global(model: Model, blocks: Blocks, low: int, high: int) -> Floats:
-    """(b, L, G): the chain rule from the unknowns of `global_places` to the local ones."""
-    basis, span = model.basis, blocks.span[low:high]
-    powers = basis.degree + 1
-    _, columns, parameters = blocks.local_from_camera.shape
-    width = 3 * sum(t.degree + 1 for t in basis.targets) + parameters
-    out = np.zeros((high - low, 3 * powers * len(basis.targets) + columns, width))
-    row = column = 0
-    for t in basis.targets:
-        for _ in range(3):
-            out[:, row : row + powers, column : column + t.degree + 1] = t.transform[span]
-            row, column = row + powers, column + t.degree + 1
-    out[:, row:, column:] = blocks.local_from_camera[low:high]
-    return out
-
-
-def assemble(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
+def assemble(order: Order, seen: Seen, normals: BlockNormals) -> Bordered:
     """All blocks' normal equations in the order of the unknowns, without priors; compiled where numba is installed."""
     if not _kernels.AVAILABLE:
-        return assemble_plain(model, blocks, normals)
-    order, basis = model.order, model.basis
-    places = global_places(model, blocks)
+        return assemble_plain(order, seen, normals)
     band, border, corner, gradient = _assembly.assemble(
-        normals.normal, normals.gradient, basis.transforms, basis.degrees, blocks.span, blocks.local_from_camera,
-        places, order.n_band, order.n_border, width_of(order, places),
+        normals.normal, normals.gradient, seen.transform, seen.degree, seen.row, seen.local_from_camera,
+        seen.places, order.n_band, order.n_border, width_of(order, seen.places),
     )  # fmt: skip
     return Bordered(band=band, border=border, corner=corner, gradient=gradient)
 
 
-def assemble_plain(model: Model, blocks: Blocks, normals: BlockNormals) -> Bordered:
+def assemble_plain(order: Order, seen: Seen, normals: BlockNormals) -> Bordered:
     """The same in numpy only."""
-    order = model.order
-    places = global_places(model, blocks)
-    n, q, w = order.n_band, order.n_border, width_of(order, places)
+    n, q, w = order.n_band, order.n_border, width_of(order, seen.places)
     band, border, corner = np.zeros((w + 1) * n), np.zeros(n * q), np.zeros(q * q)
-    gradient = np.zeros(n + q)
-    for low, high in block_ranges(model, blocks, CHUNK_BLOCKS):
-        chain = local_from_global(model, blocks, low, high)
+    gradient, low = np.zeros(n + q), 0
+    for part in seen.parts(CHUNK_BLOCKS):
+        own = slice(low, low + len(part.row))
+        low, place = own.stop, part.places
+        chain = part.chain()
         turned = np.swapaxes(chain, 1, 2)
-        matrix = turned @ normals.normal[low:high] @ chain
-        vector = (turned @ normals.gradient[low:high, :, None])[..., 0]
-        place = places[low:high]
+        matrix = turned @ normals.normal[own] @ chain
+        vector = (turned @ normals.gradient[own, :, None])[..., 0]
         held = place < 0
         gradient += np.bincount(place[~held], vector[~held], minlength=n + q)
         i, j = np.broadcast_arrays(place[:, :, None], place[:, None, :])
@@ -303,8 +212,9 @@ def moved(model: Model, here: Linear, step: Floats) -> State:
 
     own = state.own
     if model.pose.free:
-        local = local_step(model, here, step)
-        own = own + frame_steps(model.frames, model.pose, model.loss, here.at, here.blocks, local, here.kept)
+        seen = here.seen
+        local = local_step(seen, step)
+        own = own + frame_steps(seen.frames, model.pose, model.loss, seen.at, seen.blocks, local, here.kept)
     return State(
         coefficients=state.coefficients + part(order.coefficient),
         camera=state.camera + part(order.camera),
@@ -315,15 +225,15 @@ def moved(model: Model, here: Linear, step: Floats) -> State:
     )
 
 
-def local_step(model: Model, here: Linear, step: Floats) -> Floats:
+def local_step(seen: Seen, step: Floats) -> Floats:
     """(B, L): the step of the local unknowns of every block."""
-    places = global_places(model, here.blocks)
-    chosen = np.where(places >= 0, step[places], 0.0)
+    chosen = np.where(seen.places >= 0, step[seen.places], 0.0)
     out, column = [], 0
-    for t in model.basis.targets:
-        wide = 3 * (t.degree + 1)
-        own = chosen[:, column : column + wide].reshape(len(places), 3, t.degree + 1)
-        out.append((own @ np.swapaxes(t.transform[here.blocks.span], 1, 2)).reshape(len(places), -1))
+    for n, degree in enumerate(seen.degree.tolist()):
+        wide = 3 * (degree + 1)
+        own = chosen[:, column : column + wide].reshape(len(chosen), 3, degree + 1)
+        turned = np.swapaxes(seen.transform[seen.row, n, :, : degree + 1], 1, 2)
+        out.append((own @ turned).reshape(len(chosen), -1))
         column += wide
-    out.append((here.blocks.local_from_camera @ chosen[:, column:, None])[..., 0])
+    out.append((seen.local_from_camera @ chosen[:, column:, None])[..., 0])
     return np.concatenate(out, axis=1)

@@ -22,8 +22,8 @@ import numpy as np
 from calibration.foundation.arrays import Floats, Ints
 from pipeline.solver.adjustment import _kernels
 from pipeline.solver.adjustment._kernels import Loosely, Observed, Point, Runs
-from pipeline.solver.observation.clocks import CAMERA_PARAMETERS
-from pipeline.solver.observation.frame_blocks import Blocks
+from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, PLACE_PARAMETERS
+from pipeline.solver.observation.frame_blocks import LOCAL_COLUMNS, Blocks
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.residuals import Linearised, linearise, place_shift
 
@@ -88,6 +88,7 @@ class At:
     """Where to linearise: `series` (B, N, 3, K + 1), `bias` (B, 6) of every block, `focal` (C,), `own` (F, 6).
 
     camera (C, W): the cameras' parameters, of which the place errors are taken
+    shift  (F, N, 2) what these add to the residuals, where it is known already
     """
 
     series: Floats
@@ -95,6 +96,7 @@ class At:
     focal: Floats
     own: Floats
     camera: Floats
+    shift: Floats | None = None
 
     @property
     def placed(self) -> bool:
@@ -164,7 +166,7 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
     found = linearise(frames, part, position, error, at.focal[camera])
     residual = found.residual
     if at.placed and frames.angular:
-        residual = residual + place_shift(frames, part, at.camera)
+        residual = residual + (place_shift(frames, part, at.camera) if at.shift is None else at.shift[part])
     square = (residual**2).sum(-1)
     root = np.repeat(np.sqrt(loss.weight(square)), 2, axis=1)
     placed = frames.place_gain[part] if at.placed else None
@@ -185,7 +187,7 @@ def _weighted(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Block
 def block_normals_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks) -> BlockNormals:
     """See the head of this file; numpy only."""
     n_blocks, n_targets, degree = len(blocks.camera), len(frames.targets), at.series.shape[-1] - 1
-    size = local_size(n_targets, degree, blocks)
+    size = local_size(n_targets, degree, at.placed)
     normal, gradient = np.zeros((n_blocks, size, size)), np.zeros((n_blocks, size))
     powers, place = _local_powers(n_targets, degree, at.placed)
     cost = gain = 0.0
@@ -236,9 +238,9 @@ def blocks_within(size: int) -> int:
     return max(1, CHUNK_BYTES // (8 * size * size))
 
 
-def local_size(targets: int, degree: int, blocks: Blocks) -> int:
+def local_size(targets: int, degree: int, placed: bool) -> int:
     """Local unknowns of a block: every target's power series by axis, and the columns that cameras' parameters move."""
-    return 3 * targets * (degree + 1) + int(blocks.local_from_camera.shape[1])
+    return 3 * targets * (degree + 1) + LOCAL_COLUMNS + (PLACE_PARAMETERS * targets if placed else 0)
 
 
 def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, blocks: Blocks, step: Floats) -> Floats:
@@ -246,7 +248,7 @@ def frame_steps_plain(frames: Frames, pose: PoseError, loss: Loss, at: At, block
     out = np.zeros((frames.count, 6))
     n_targets, degree = len(frames.targets), at.series.shape[-1] - 1
     powers, place = _local_powers(n_targets, degree, at.placed)
-    for low, high in _chunks(blocks, local_size(n_targets, degree, blocks)):
+    for low, high in _chunks(blocks, local_size(n_targets, degree, at.placed)):
         part, _, _, H, E, h, _ = _weighted(frames, pose, loss, at, blocks, low, high)
         scaled = step[_frame_index(blocks, low, high)] * blocks.u[part][:, None] ** powers
         dz = np.zeros((len(scaled), int(place.max()) + 1))
@@ -313,7 +315,7 @@ def frame_steps(
     if kept is not None:
         _kernels.kept_steps(kept, rated, rolled, at.placed, pose.spread, runs, at.series, step, out, out)
         return out
-    size = local_size(len(frames.targets), at.series.shape[-1] - 1, blocks)
+    size = local_size(len(frames.targets), at.series.shape[-1] - 1, at.placed)
     for low, high in _chunks(blocks, size):
         part = Runs(runs.begin[low : high + 1], runs.camera[low:high], runs.u, runs.half_s[low:high])
         own = kept_room(frames, part.begin, at.placed, ANY)
@@ -359,7 +361,7 @@ def _point(frames: Frames, at: At, blocks: Blocks) -> Point:
     if not at.placed:
         shift = np.zeros((0, len(frames.targets), 2))
     elif frames.angular:
-        shift = place_shift(frames, slice(None), at.camera)
+        shift = place_shift(frames, slice(None), at.camera) if at.shift is None else at.shift
     else:
         shift = np.zeros((frames.count, len(frames.targets), 2))
     return Point(at.series, at.bias, at.focal[blocks.camera], at.own, shift)

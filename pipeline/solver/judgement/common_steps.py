@@ -15,13 +15,12 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.assembly import blocks_at, blocks_at_once, global_places, local_from_global, part_of
+from pipeline.solver.adjustment.assembly import blocks_at
 from pipeline.solver.adjustment.banded_system import Factor
-from pipeline.solver.adjustment.elimination import At, block_normals
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.seen_targets import Seen, seen_targets
 from pipeline.solver.judgement.pose_sequences import Part, Sequence
 from pipeline.solver.judgement.prior_tests import log10_chance
-from pipeline.solver.observation.frame_blocks import Blocks
 
 PLACES = 40
 """Places at which a step is looked for, in each camera; twice as many find better what splines follow at once."""
@@ -33,13 +32,13 @@ def common_steps(model: Model, state: State, factor: Factor) -> tuple[Sequence, 
     """The likeliest step of every camera; none without splines, or with a single target."""
     if len(model.basis.targets) < 2 or not any(t.kind == "spline" for t in model.basis.targets):
         return ()
-    blocks, at = blocks_at(model, state)
-    found = (_of_camera(model, factor, blocks, at, c) for c in range(len(model.frames.cameras)))
+    seen = seen_targets(model, *blocks_at(model, state))
+    found = (_of_camera(model, factor, seen, c) for c in range(len(model.frames.cameras)))
     return tuple(one for one in found if one is not None)
 
 
-def _of_camera(model: Model, factor: Factor, blocks: Blocks, at: At, c: int) -> Sequence | None:
-    frames, mine = model.frames, model.frames.of(c)
+def _of_camera(model: Model, factor: Factor, seen: Seen, c: int) -> Sequence | None:
+    frames, mine, blocks = model.frames, model.frames.of(c), seen.blocks
     rows = np.flatnonzero(blocks.camera == c)
     begin = blocks.begin[:-1][rows]
     margin = 0.04 * (mine.stop - mine.start)
@@ -47,7 +46,7 @@ def _of_camera(model: Model, factor: Factor, blocks: Blocks, at: At, c: int) -> 
     places = inside[np.unique(np.linspace(0, len(inside) - 1, min(PLACES, len(inside))).round().astype(np.int64))]
     if not len(places):
         return None
-    gradient, normal, coupling = _from_the_end(model, blocks, at, rows, places)
+    gradient, normal, coupling = _from_the_end(model, seen, rows, places)
     size = coupling.shape[2]
     taken = factor.solve(coupling.transpose(2, 0, 1).reshape(size, -1)).reshape(size, len(places), 6)
     rest = normal - np.einsum("pin,npj->pij", coupling, taken)
@@ -79,21 +78,20 @@ def _square(gradient: Floats, rest: Floats, whole: Floats) -> float:
     return float(((vector[:, seen].T @ (gradient * scale)) ** 2 / value[seen]).sum())
 
 
-def _from_the_end(model: Model, blocks: Blocks, at: At, rows: Ints, places: Ints) -> tuple[Floats, Floats, Floats]:
+def _from_the_end(model: Model, seen: Seen, rows: Ints, places: Ints) -> tuple[Floats, Floats, Floats]:
     """From each of `places` among a camera's blocks `rows` on to the camera's end: gradient (k, 6), normal matrix
     (k, 6, 6) and coupling with all unknowns (k, 6, n + q) of a change of pose; memory does not grow with the blocks."""
-    first = 3 * (model.basis.degree + 1) * len(model.basis.targets)
+    first = 3 * (model.basis.degree + 1) * len(seen.degree)
     pose = slice(first, first + 6)
     size = model.order.n_band + model.order.n_border
     sums = np.zeros(6), np.zeros((6, 6)), np.zeros((6, size))
     out = tuple(np.zeros((len(places), *each.shape)) for each in sums)
-    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
+    chunk = seen.at_once(CHUNK_BLOCKS)
     for low in reversed(range(0, len(rows), chunk)):
         high = min(low + chunk, len(rows))
-        part, at_part = part_of(blocks, at, int(rows[low]), int(rows[high - 1]) + 1)
-        normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
-        chained = normals.normal[:, pose] @ local_from_global(model, part, 0, high - low)
-        where = global_places(model, part)
+        part = seen.part(int(rows[low]), int(rows[high - 1]) + 1)
+        normals, where = part.normals(model), part.places
+        chained = normals.normal[:, pose] @ part.chain()
         for k in reversed(range(high - low)):
             there = where[k] >= 0
             sums[0][:] += normals.gradient[k, pose]

@@ -18,19 +18,11 @@ import numpy as np
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import Problem, Reason, Solution
-from pipeline.solver.adjustment.assembly import (
-    Linear,
-    block_ranges,
-    blocks_at,
-    global_places,
-    linear,
-    local_from_global,
-    part_of,
-)
+from pipeline.solver.adjustment.assembly import Linear, blocks_at, linear
 from pipeline.solver.adjustment.banded_system import factorise
-from pipeline.solver.adjustment.elimination import block_normals
 from pipeline.solver.adjustment.model import Model, State, residuals_of
 from pipeline.solver.adjustment.renewal import rolled
+from pipeline.solver.adjustment.seen_targets import seen_targets
 from pipeline.solver.judgement.changes import READOUT_PRIOR_S
 from pipeline.solver.judgement.influence import motion_sigmas
 from pipeline.solver.judgement.prior_tests import log10_chance, positive_part, whitened_square
@@ -117,17 +109,14 @@ def counted(model: Model, state: State, here: Linear, pull: Floats) -> Floats:
     """
     assert here.data is not None
     cluster = clusters(model, state, residuals_of(model.frames, slice(None), model, state))
-    blocks, at = blocks_at(model, state, cluster)
+    seen = seen_targets(model, *blocks_at(model, state, cluster))
     from_data = pull.T @ here.data[0].times(pull)
     out = pull.T @ here.system.times(pull) - from_data
     each = np.zeros((int(cluster.max()) + 1, pull.shape[1]))
-    for low, high in block_ranges(model, blocks, CHUNK_BLOCKS):
-        part, at_part = part_of(blocks, at, low, high)
-        gradient = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False).gradient
-        chain = local_from_global(model, part, 0, len(part.camera))
-        places = global_places(model, part)
-        moved = np.where(places[..., None] >= 0, pull[places], 0.0)
-        np.add.at(each, part.cluster, ((gradient[:, None] @ chain) @ moved)[:, 0])
+    for part in seen.parts(CHUNK_BLOCKS):
+        moved = np.where(part.places[..., None] >= 0, pull[part.places], 0.0)
+        by_unknown = part.normals(model).gradient[:, None] @ part.chain()
+        np.add.at(each, part.blocks.cluster, (by_unknown @ moved)[:, 0])
     return np.asarray(out + each.T @ each)
 
 

@@ -4,8 +4,9 @@ Inside a block everything global acts through few local unknowns: the power seri
 of the camera, [rotation bias 3, position bias 3, focal, time at u = 0, time per u, pose time at u = 0, per u, readout].
 Time moves the targets; pose time moves the camera along its log; the readout of a rolling shutter moves both, each
 sighting by its row. `local_from_camera` maps the camera's parameters [rotation 3, position 3, focal, offset, scale,
-start, readout, place errors, left and right deviation knot] to these columns.
-Place errors (constant and drifting) have a pair of columns each for every target and axis, at u = 0 and per u.
+start, readout, left and right deviation knot] to these columns.
+Place errors (constant and drifting) have a pair of columns each for every target and axis, at u = 0 and per u; they are
+put between where it is known which targets take part (`with_places`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,16 @@ from itertools import pairwise
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.observation.clocks import CAMERA_PARAMETERS, FOCAL, OFFSET, READOUT, SCALE, START, Drift
+from pipeline.solver.observation.clocks import (
+    CAMERA_PARAMETERS,
+    FOCAL,
+    OFFSET,
+    PLACE_PARAMETERS,
+    READOUT,
+    SCALE,
+    START,
+    Drift,
+)
 from pipeline.solver.observation.motion_basis import MotionBasis
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.pose_wander import PoseWander
@@ -34,7 +44,8 @@ class Blocks:
     begin    (B + 1,) first frame of each; camera, span, segment, cluster (B,)
     u        (F,) time of each frame inside its span, -1 to 1
     half_s   (B,) half the span's length
-    local_from_camera  (B, 12 + P, 13 + P), P place parameters; 12 more, left and right knot, where poses wander
+    local_from_camera  (B, 12, 13); 12 more columns, left and right knot, where poses wander
+    place    (B, 2) the share of drifting place errors at u = 0, and per u; None: there are none
     wander   (B,) left knot of each block's pose errors, -1: none; None where no camera's wander
     """
 
@@ -47,6 +58,7 @@ class Blocks:
     half_s: Floats
     local_from_camera: Floats
     wander: Ints | None = None
+    place: Floats | None = None
 
 
 def partition(
@@ -68,9 +80,14 @@ def partition(
     begin = shortened(begin)
     at = begin[:-1]
     half = basis.half_s[span[at]]
-    local = _local_from_camera(frames, drift, at, u, half, camera, deviation)
+    slope = half / clock_rates(frames, drift, at, camera, deviation)
+    local = _local_from_camera(frames, drift, at, u, slope)
     if wander is not None and wanders:
         local = np.concatenate([local, _local_from_wander(wander, at, local.shape[1])], axis=2)
+    place = None
+    if camera.shape[1] > CAMERA_PARAMETERS:
+        per_u = slope * share_per_second(frames)[frames.camera[at]]
+        place = np.stack([frames.place_share[at] - u[at] * per_u, per_u], axis=1)
     return Blocks(
         begin=begin,
         camera=frames.camera[at],
@@ -81,6 +98,7 @@ def partition(
         half_s=half,
         local_from_camera=local,
         wander=None if wander is None or not wanders else wander.left[at],
+        place=place,
     )
 
 
@@ -92,21 +110,23 @@ def shortened(begin: Ints) -> Ints:
     return np.concatenate([*cuts, begin[-1:]])
 
 
-def _local_from_camera(
-    frames: Frames, drift: Drift, at: Ints, u: Floats, half_s: Floats, camera: Floats, deviation: Floats
-) -> Floats:
-    """(B, 12, 13): the chain rule dt = d beta + tau ds + sum of hat_j d deviation_j, with tau linear in u."""
+def clock_rates(frames: Frames, drift: Drift, at: Ints, camera: Floats, deviation: Floats) -> Floats:
+    """(B,) video seconds per second of common time at the frames `at`."""
     rate = 1 + camera[frames.camera[at], SCALE]
     left = drift.segment[at]
     drifting = left >= 0
-    width = np.ones(len(at))
     if drifting.any():
-        width[drifting] = drift.knot_s[left[drifting] + 1] - drift.knot_s[left[drifting]]
-        rate[drifting] += (deviation[left[drifting] + 1] - deviation[left[drifting]]) / width[drifting]
-    slope = half_s / rate
+        width = drift.knot_s[left[drifting] + 1] - drift.knot_s[left[drifting]]
+        rate[drifting] += (deviation[left[drifting] + 1] - deviation[left[drifting]]) / width
+    return np.asarray(rate)
+
+
+def _local_from_camera(frames: Frames, drift: Drift, at: Ints, u: Floats, slope: Floats) -> Floats:
+    """(B, 12, 13): the chain rule dt = d beta + tau ds + sum of hat_j d deviation_j, with tau linear in u."""
+    left = drift.segment[at]
+    drifting = left >= 0
     middle = frames.video_s[at] - u[at] * slope
-    places = camera.shape[1] - CAMERA_PARAMETERS
-    out = np.zeros((len(at), LOCAL_COLUMNS + places, BLOCK_PARAMETERS + places))
+    out = np.zeros((len(at), LOCAL_COLUMNS, BLOCK_PARAMETERS))
     out[:, range(FOCAL + 1), range(FOCAL + 1)] = 1.0
     out[:, 7, OFFSET] = 1.0
     out[:, 9, START] = 1.0
@@ -114,16 +134,27 @@ def _local_from_camera(
     for zero, linear in ((7, 8), (9, 10)):
         out[:, zero, SCALE], out[:, linear, SCALE] = middle, slope
         if drifting.any():
-            share = (middle[drifting] - drift.knot_s[left[drifting]]) / width[drifting]
+            width = drift.knot_s[left[drifting] + 1] - drift.knot_s[left[drifting]]
+            share = (middle[drifting] - drift.knot_s[left[drifting]]) / width
             out[drifting, zero, -2], out[drifting, zero, -1] = 1 - share, share
-            per_u = slope[drifting] / width[drifting]
+            per_u = slope[drifting] / width
             out[drifting, linear, -2], out[drifting, linear, -1] = -per_u, per_u
-    if places:
-        share_slope = slope * share_per_second(frames)[frames.camera[at]]
-        share_middle = frames.place_share[at] - u[at] * share_slope
-        for i in range(0, places, 2):
-            row, column = LOCAL_COLUMNS + i, CAMERA_PARAMETERS + i
-            out[:, row, column], out[:, row, column + 1], out[:, row + 1, column + 1] = 1.0, share_middle, share_slope
+    return out
+
+
+def with_places(blocks: Blocks, targets: int) -> Floats:
+    """(B, 12 + 4 N, 13 + 4 N [+ 12]): `local_from_camera` with the place errors of so many targets."""
+    base, places = blocks.local_from_camera, PLACE_PARAMETERS * targets
+    if blocks.place is None or not places:
+        return base
+    n, rows, columns = base.shape
+    out = np.zeros((n, rows + places, columns + places))
+    out[:, :rows, :CAMERA_PARAMETERS] = base[..., :CAMERA_PARAMETERS]
+    out[:, :rows, CAMERA_PARAMETERS + places :] = base[..., CAMERA_PARAMETERS:]
+    for i in range(0, places, 2):
+        row, column = LOCAL_COLUMNS + i, CAMERA_PARAMETERS + i
+        out[:, row, column], out[:, row, column + 1] = 1.0, blocks.place[:, 0]
+        out[:, row + 1, column + 1] = blocks.place[:, 1]
     return out
 
 

@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from calibration.foundation.arrays import Floats, Ints
-from pipeline.solver.adjustment.assembly import blocks_at, blocks_at_once, global_places, local_from_global, part_of
-from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.assembly import blocks_at
 from pipeline.solver.adjustment.model import Model, State
+from pipeline.solver.adjustment.seen_targets import seen_targets
 
 MOST_LEVERAGE = 0.95
 """Where a cluster alone decides, its residuals say nothing of its errors; no gradient grows by more than 20."""
@@ -44,21 +44,19 @@ def freed(
 
     Its unknowns of the band lie side by side and come first. Memory is bounded: some blocks are done at a time.
     """
-    blocks, at = blocks_at(model, state, cluster)
-    begin = np.searchsorted(blocks.cluster, np.arange(int(cluster.max()) + 2))
+    seen = seen_targets(model, *blocks_at(model, state, cluster))
+    begin = np.searchsorted(seen.blocks.cluster, np.arange(int(cluster.max()) + 2))
     n, low = model.order.n_band, 0
-    chunk = blocks_at_once(model, blocks, CHUNK_BLOCKS)
+    chunk = seen.at_once(CHUNK_BLOCKS)
     while low < len(begin) - 1:
         high = max(low + 1, int(np.searchsorted(begin, begin[low] + chunk, side="right")) - 1)
-        part, at_part = part_of(blocks, at, int(begin[low]), int(begin[high]))
-        normals = block_normals(model.frames, model.pose, model.loss, at_part, part, keep=False)
-        chain = local_from_global(model, part, 0, len(part.camera))
+        part = seen.part(int(begin[low]), int(begin[high]))
+        normals, chain = part.normals(model), part.chain()
         turned = np.swapaxes(chain, 1, 2)
         share, vector = turned @ normals.normal @ chain, (turned @ normals.gradient[..., None])[..., 0]
-        places = global_places(model, part)
         for c in range(low, high):
             own = slice(int(begin[c] - begin[low]), int(begin[c + 1] - begin[low]))
-            found = _freed(n, places[own], share[own], vector[own], block)
+            found = _freed(n, part.places[own], share[own], vector[own], block)
             if found is not None:
                 yield c, *found
         low = high

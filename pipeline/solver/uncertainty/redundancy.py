@@ -31,6 +31,7 @@ from pipeline.solver.observation.clocks import (
     START,
     common_time_s,
 )
+from pipeline.solver.observation.motion_basis import covered
 from pipeline.solver.observation.residuals import Linearised, linearise
 from pipeline.solver.uncertainty.covariance import Covariance
 
@@ -123,10 +124,7 @@ def _leverages(
 
 
 def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: Linearised) -> tuple[Floats, Ints]:
-    """Derivatives (f, N, 2, G) by all that is not a frame's own, and the places (f, G) of those unknowns.
-
-    -1 where they are held, and for targets that are not seen: these may lie beyond the band (`assembly.width_of`).
-    """
+    """Derivatives (f, N, 2, G) by all that is not a frame's own, and the places (f, G) of those unknowns."""
     frames, basis, drift = model.frames, model.basis, model.drift
     f, n = frames.seen[chosen].shape
     span = basis.span(time_s)
@@ -136,13 +134,15 @@ def _by_shared(model: Model, state: State, chosen: Ints, time_s: Floats, line: L
     ahead, behind = (basis.position(time_s + s, state.coefficients) for s in (step, -step))
     by_time = (line.by_position @ ((ahead - behind) / (2 * step))[..., None])[..., 0]
     columns, places = [], []
+    everywhere = all(covered(basis, t).all() for t in basis.targets)  # else the band may not reach from one to another
     for k, t in enumerate(basis.targets):
         value = np.einsum("fi,fij->fj", powers, t.transform[span])
         block = np.zeros((f, n, 2, 3, t.degree + 1))
         block[:, k] = line.by_position[:, k, :, :, None] * value[:, None, None, :]
         columns.append(block.reshape(f, n, 2, -1))
         acting = model.order.coefficient[t.active[span][:, None] + np.arange(t.degree + 1)]
-        acting = np.where(frames.seen[chosen, k][:, None, None], acting, -1)
+        if not everywhere:
+            acting = np.where(frames.seen[chosen, k, None, None], acting, -1)
         places.append(np.swapaxes(acting, 1, 2).reshape(f, -1))
     log_time = by_time + line.by_pose_time
     tau = frames.video_s[chosen]

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import sqlite3
+from datetime import UTC, datetime
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -140,3 +143,70 @@ def test_the_same_results_give_the_same_bytes(folder, results):
     again = export_all(tiny_results())
     for name in ("trajectory.gpkg", "trajectory.parquet"):
         assert (folder / name).read_bytes() == again[name]
+
+
+def test_gdal_reads_the_geojson(folder, results):
+    lines = geopandas.read_file(folder / "trajectory.geojson")
+    for t in results.trajectories:
+        own = lines[(lines["name"] == t.target) & (lines.geom_type == "LineString")].geometry.iloc[0]
+        np.testing.assert_allclose(enu_m(np.array(own.coords)), t.position_enu_m, atol=MILLIMETRE)
+
+
+def test_the_kml_plays_each_place_at_its_moment(folder, results):
+    """gx:Track: a `when` and a `gx:coord` for each place, read by ElementTree; UTC by the standard library."""
+    space = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
+    tree = ElementTree.parse(folder / "trajectory.kml")
+    marks = [m for m in tree.iter(f"{{{space['k']}}}Placemark") if m.find(".//gx:Track", space) is not None]
+    found = {mark.findtext("k:name", namespaces=space): mark for mark in marks}
+    for t in results.trajectories:
+        track = found[t.target]
+        coords = np.array([c.text.split() for c in track.iterfind(".//gx:coord", space)], float)
+        whens = [datetime.fromisoformat(w.text).timestamp() for w in track.iterfind(".//k:when", space)]
+        np.testing.assert_allclose(enu_m(coords), t.position_enu_m, atol=MILLIMETRE)
+        np.testing.assert_allclose(np.array(whens) - results.utc_s, t.time_s, atol=1e-3)
+
+
+def test_gpx_and_czml_have_the_same_places(folder, results):
+    gpx = ElementTree.parse(folder / "trajectory.gpx").getroot()
+    space = {"g": gpx.tag.split("}")[0].strip("{")}
+    ways = {way.findtext("g:name", namespaces=space): way for way in gpx.iterfind(".//g:trk", space)}
+    packets = {p.get("name"): p for p in json.loads((folder / "trajectory.czml").read_text()) if "position" in p}
+    for t in results.trajectories:
+        points = [(p.get("lon"), p.get("lat"), p.findtext("g:ele", namespaces=space))
+                  for p in ways[t.target].iterfind(".//g:trkpt", space)]  # fmt: skip
+        across = enu_m(np.array(points, float))[:, :2]  # ele is above mean sea level, or what the file says it is
+        np.testing.assert_allclose(across, t.position_enu_m[:, :2], atol=0.05)
+        flat = np.array(packets[t.target]["position"]["cartographicDegrees"], float).reshape(-1, 4)
+        np.testing.assert_allclose(enu_m(flat[:, 1:]), t.position_enu_m, atol=MILLIMETRE)
+
+
+def test_evo_reads_the_trajectories_and_writes_them_back(folder, results, tmp_path):
+    """evo is GPL-3.0: a program of its own that a user opens the file with, here a test does."""
+    evo = pytest.importorskip("evo.tools.file_interface", reason="evo is not installed (pip install evo)")
+    for name, target in (("trajectory", BUS), ("trajectory-van__1_____co___Z_rich", VAN)):
+        t = next(t for t in results.trajectories if t.target == target)
+        read = evo.read_tum_trajectory_file(str(folder / f"{name}.tum"))
+        assert read.check()[0]
+        np.testing.assert_allclose(read.positions_xyz, t.position_enu_m, atol=MILLIMETRE)
+        np.testing.assert_allclose(read.timestamps, t.time_s + (results.utc_s or 0.0), atol=1e-3)
+        evo.write_tum_trajectory_file(str(tmp_path / "again.tum"), read)
+        again = np.loadtxt(tmp_path / "again.tum")
+        np.testing.assert_allclose(again[:, 1:4], t.position_enu_m, atol=MILLIMETRE)
+
+
+def test_stone_soup_reads_the_trajectories(folder, results):
+    """As truth for its trackers, by its own reader of tables."""
+    generic = pytest.importorskip("stonesoup.reader.generic", reason="Stone Soup is not installed")
+    reader = generic.CSVGroundTruthReader(
+        folder / "trajectory.csv", state_vector_fields=("east_m", "north_m", "up_m"), time_field="utc",
+        path_id_field="target",
+    )  # fmt: skip
+    paths = {id(path): path for _, some in reader for path in some}.values()
+    assert len(paths) == len(results.trajectories)
+    for t in results.trajectories:
+        near = [p for p in paths if np.allclose(np.ravel(p[0].state_vector), t.position_enu_m[0], atol=MILLIMETRE)]
+        assert len(near) == 1
+        table = np.array([np.ravel(state.state_vector) for state in near[0]], float)
+        seconds = np.array([s.timestamp.replace(tzinfo=UTC).timestamp() for s in near[0]]) - results.utc_s
+        np.testing.assert_allclose(table, t.position_enu_m, atol=MILLIMETRE)
+        np.testing.assert_allclose(seconds, t.time_s, atol=1e-3)

@@ -114,11 +114,18 @@ def test_impossible_cameras_are_named(tmp_path, change, says):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "   ", json.dumps(GOOD)[:60], "[1, 2]", "{}", "K: [1, 2", "<opencv_storage><K>", "\x00\x01", "hello"]
-)
+    "text",
+    [
+        "", "   ", json.dumps(GOOD)[:60], "[1, 2]", "{}", "K: [1, 2", "<opencv_storage><K>", "\x00\x01", "hello",
+        "&am0:\n  camera_mo_adesol.onon: [640, 480]\n",
+    ],
+)  # fmt: skip
 def test_damaged_files_are_one_clear_message(tmp_path, text):
     with pytest.raises(InputFileError, match="Try:"):
         read_camera(write(tmp_path, text))
+    (tmp_path / "cam.yaml").write_text(text)
+    with pytest.raises(InputFileError, match="Try:"):
+        read_camera(tmp_path / "cam.yaml")
 
 
 def test_a_missing_file_and_a_binary_one(tmp_path):

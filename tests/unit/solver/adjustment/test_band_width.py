@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from pipeline.solver.adjustment import assembly, elimination
-from pipeline.solver.adjustment.assembly import blocks_at, blocks_at_once, linear, local_from_global
-from pipeline.solver.adjustment.banded_system import factorise
+from pipeline.solver.adjustment.assembly import blocks_at, linear
 from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.seen_targets import every_target, global_places
 from pipeline.solver.judgement import common_steps
 from pipeline.solver.methods.parameters import MotionChoice, basis_at
 from pipeline.solver.observation.clocks import OFFSET, common_time_s
-from pipeline.solver.uncertainty.covariance import Inverse
-from pipeline.solver.uncertainty.redundancy import redundancy_table
 from tests.scenes.solver import changed, rich_model
 
 
@@ -36,9 +34,9 @@ def whole(model, state):
     """The normal equations of the data as a full matrix, every target acting in every block."""
     blocks, at = blocks_at(model, state)
     normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
-    chain, size = local_from_global(model, blocks, 0, len(blocks.camera)), model.order.n_band + model.order.n_border
+    chain, size = every_target(model, blocks, at).chain(), model.order.n_band + model.order.n_border
     everything = changed(model.frames, seen=np.ones_like(model.frames.seen))
-    places = assembly.global_places(changed(model, frames=everything), blocks)
+    places = global_places(changed(model, frames=everything), blocks)
     out = np.zeros((size + 1, size + 1))
     for k, place in enumerate(places):
         np.add.at(out, (place[:, None], place), chain[k].T @ normals.normal[k] @ chain[k])
@@ -78,13 +76,14 @@ def test_parts_of_different_width_add_up():
 
 def test_matrices_of_many_targets_are_held_in_bounded_memory(monkeypatch):
     model, state = one_after_the_other()
-    blocks, _ = blocks_at(model, state)
+    blocks, at = blocks_at(model, state)
+    seen = every_target(model, blocks, at)
     size = 4 * 3 * 4 + blocks.local_from_camera.shape[1]
     monkeypatch.setattr(elimination, "CHUNK_BYTES", 8 * size * size * 5)
-    assert blocks_at_once(model, blocks, 1000) == 5
-    assert blocks_at_once(model, blocks, 3) == 3
+    assert seen.at_once(1000) == 5
+    assert seen.at_once(3) == 3
     monkeypatch.setattr(elimination, "CHUNK_BYTES", 1)
-    assert blocks_at_once(model, blocks, 3) == 1
+    assert seen.at_once(3) == 1
 
 
 def test_sums_from_the_end_are_those_of_all_blocks(monkeypatch):
@@ -93,11 +92,11 @@ def test_sums_from_the_end_are_those_of_all_blocks(monkeypatch):
     rows = np.flatnonzero(blocks.camera == 1)
     places = np.array([0, 3, len(rows) - 1])
     monkeypatch.setattr(common_steps, "CHUNK_BLOCKS", 4)
-    gradient, normal, coupling = common_steps._from_the_end(model, blocks, at, rows, places)
+    gradient, normal, coupling = common_steps._from_the_end(model, every_target(model, blocks, at), rows, places)
     normals = block_normals(model.frames, model.pose, model.loss, at, blocks)
     pose = slice(3 * 4 * 4, 3 * 4 * 4 + 6)
-    chain = local_from_global(model, blocks, 0, len(blocks.camera))
-    where = assembly.global_places(model, blocks)
+    chain = every_target(model, blocks, at).chain()
+    where = global_places(model, blocks)
     for k, place in enumerate(places):
         after = rows[place:]
         np.testing.assert_allclose(gradient[k], normals.gradient[after, pose].sum(axis=0), rtol=1e-9)
@@ -106,15 +105,3 @@ def test_sums_from_the_end_are_those_of_all_blocks(monkeypatch):
         for b in after:
             wanted[:, where[b]] += normals.normal[b, pose] @ chain[b]
         np.testing.assert_allclose(coupling[k], wanted[:, :-1], atol=1e-9 * np.abs(coupling).max())
-
-
-def test_redundancies_of_targets_that_follow_each_other_ask_for_nothing_beyond_the_band():
-    model, state = one_after_the_other()
-    system = linear(model, state).system
-    covariance = Inverse(factor=factorise(system.damped(0.1 * system.diagonal)))
-    square = np.zeros(model.frames.seen.shape)
-    table = redundancy_table(model, state, covariance, square)
-    assert len(system.band) < model.order.n_band / 3  # targets of the first and the last quarter do not meet in it
-    assert np.isfinite(table.left).all()
-    assert (table.left <= table.seen).all()
-    assert (table.left.sum(axis=0) > 0).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.solver.adjustment.assembly import add_priors, assemble, blocks_at, linear, moved
-from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.seen_targets import seen_targets
 from pipeline.solver.observation.clocks import common_time_s
 from pipeline.solver.observation.observations import metric
 from pipeline.solver.observation.residuals import left_jacobian, linearise
@@ -72,7 +72,7 @@ def test_elimination_equals_the_dense_schur_complement():
     reduced, right = A - B @ np.linalg.solve(D, B.T), g[:size] - B @ np.linalg.solve(D, g[size:])
 
     here = linear(model, state)
-    system = assemble(model, here.blocks, block_normals(model.frames, model.pose, model.loss, here.at, here.blocks))
+    system = assemble(model.order, here.seen, here.seen.normals(model))
     np.testing.assert_allclose(system.times(np.eye(size)), reduced, atol=1e-6 * np.abs(reduced).max())
     np.testing.assert_allclose(system.gradient, right, atol=1e-6 * np.abs(right).max())
     assert here.frame_gain == pytest.approx(0.5 * g[size:] @ np.linalg.solve(D, g[size:]), rel=1e-6)
@@ -84,8 +84,8 @@ def test_elimination_equals_the_dense_schur_complement():
 
 def test_priors_are_added_once():
     model, state = rich_model(("polynomial", "spline"))
-    blocks, at = blocks_at(model, state)
-    data = assemble(model, blocks, block_normals(model.frames, model.pose, model.loss, at, blocks))
+    seen = seen_targets(model, *blocks_at(model, state))
+    data = assemble(model.order, seen, seen.normals(model))
     whole, cost = add_priors(model, state, data)
     size = model.order.n_band + model.order.n_border
     added = whole.times(np.eye(size)) - data.times(np.eye(size))

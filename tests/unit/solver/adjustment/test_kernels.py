@@ -18,6 +18,7 @@ from pipeline.solver.adjustment.elimination import (
 )
 from pipeline.solver.adjustment.log_poses import carry, carry_plain
 from pipeline.solver.adjustment.model import residuals_of
+from pipeline.solver.adjustment.seen_targets import every_target
 from pipeline.solver.observation.clocks import READOUT
 from pipeline.solver.observation.observations import metric
 from pipeline.synthetic.scenes import paper_scene
@@ -94,7 +95,8 @@ def _both(model, state):
     wanted = frame_steps_plain(*given, step)
     alike(frame_steps(*given, step), wanted)
     alike(frame_steps(*given, step, fast.kept), wanted)
-    quick, slow = assemble(model, blocks, plain), assemble_plain(model, blocks, plain)
+    seen = every_target(model, blocks, at)
+    quick, slow = assemble(model.order, seen, plain), assemble_plain(model.order, seen, plain)
     for part in ("band", "border", "corner", "gradient"):
         alike(getattr(quick, part), getattr(slow, part))
     square = (residuals_of(model.frames, slice(None), model, state) ** 2).sum(-1) * model.frames.seen

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.solver.adjustment.assembly import add_priors, assemble, blocks_at, linear, moved
 from pipeline.solver.adjustment.banded_system import factorise
-from pipeline.solver.adjustment.elimination import block_normals
+from pipeline.solver.adjustment.seen_targets import seen_targets
 from pipeline.solver.uncertainty import jackknife
 from pipeline.solver.uncertainty.covariance import Inverse
 from pipeline.solver.uncertainty.jackknife import freed_gradients
@@ -26,8 +26,8 @@ def data_alone(model, state, chosen):
     """Dense information and gradient of the chosen frames, without priors of what is shared."""
     part = changed(model, frames=only(model.frames, chosen))
     own = np.where(chosen[:, None], state.own, 0.0)
-    blocks, at = blocks_at(part, changed(state, own=own))
-    system = assemble(part, blocks, block_normals(part.frames, part.pose, part.loss, at, blocks))
+    seen = seen_targets(part, *blocks_at(part, changed(state, own=own)))
+    system = assemble(part.order, seen, seen.normals(part))
     return system.times(np.eye(len(system.gradient))), system.gradient
 
 
@@ -63,11 +63,10 @@ def test_it_foretells_the_optimum_without_a_cluster(monkeypatch):
     factor = factorise(here.system)
     freed = freed_gradients(model, state, Inverse(factor=factor).block, cluster)
     chosen = 4
-    blocks, at = blocks_at(model, state)
     rest = only(model.frames, cluster != chosen)
     part = changed(model, frames=rest)
-    normals = block_normals(rest, model.pose, model.loss, at, blocks)
-    without, _ = add_priors(part, state, assemble(part, blocks, normals))
+    seen = seen_targets(part, *blocks_at(model, state))
+    without, _ = add_priors(part, state, assemble(part.order, seen, seen.normals(part)))
     # the cluster's own gradient is what the optimum of all would lack
     _, gradient = data_alone(model, state, cluster == chosen)
     lacking = factorise(changed(without, gradient=gradient)).solve(gradient)
