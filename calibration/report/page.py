@@ -9,6 +9,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from calibration.foundation.palette import palette
 from calibration.judgement.result import Calibration
 from calibration.report.figures import ARROW, coverage_figure, error_bars, residual_figure
 
@@ -57,7 +58,7 @@ def calibration_page(
 
 
 def _style() -> str:
-    return files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    return palette() + files(__package__).joinpath("page.css").read_text(encoding="utf-8")
 
 
 def _header(found: Calibration, title: str) -> str:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from importlib.resources import files
 
+from calibration.foundation.palette import palette
 from pipeline.batch.dataset import said, worst
 from pipeline.batch.flying import RESULTS
 from pipeline.batch.outcome import FlightOutcome
@@ -30,7 +31,7 @@ def batch_page(outcomes: Sequence[FlightOutcome], total: int) -> str:
         tag("meta", name="color-scheme", content="light dark"),
         tag("title", "Flights \u2013 runningfix"),
         tag("link", rel="icon", href="data:,"),
-        tag("style", Html("\n" + files(__package__).joinpath("page.css").read_text(encoding="utf-8"))),
+        tag("style", Html("\n" + palette() + files(__package__).joinpath("page.css").read_text(encoding="utf-8"))),
     )
     counts = [
         tag("li", tag("b", str(len(groups[name]))), f" {words.lower()}", class_=name) for name, words, _ in GROUPS

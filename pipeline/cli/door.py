@@ -20,6 +20,10 @@ from pipeline.cli.console import Console, OutputClosedError
 INTERRUPTED = 130
 LONGEST_PART = 600
 """Characters of each part of a message; a name of megabytes is cut in its middle."""
+LEAST_ADDRESSES = 512_000_000
+"""Bytes: with fewer, OpenBLAS cannot be loaded and does not return. What needs more says so itself."""
+OF_MEMORY = ("failed to map segment", "cannot allocate memory", "can't start new thread", "unable to allocate")
+"""In what libraries say where memory was not enough."""
 
 
 class InternalError(RunningFixError):
@@ -88,13 +92,8 @@ def fault(error: Exception) -> RunningFixError:
             expected="free space on the disk",
             advice="make room, then give the same command again",
         )
-    if isinstance(error, MemoryError):
-        return InternalError(
-            where="memory",
-            seen="not enough",
-            expected=f"room for what was asked ({error})",
-            advice="close other programs",
-        )
+    if is_of_memory(error):
+        return _out_of_memory("not enough", f"room for what was asked ({error})")
     frame = traceback.extract_tb(error.__traceback__)[-1] if error.__traceback__ else None
     place = "runningfix" if frame is None else f"{os.path.basename(frame.filename)}, line {frame.lineno}"
     return InternalError(
@@ -103,6 +102,42 @@ def fault(error: Exception) -> RunningFixError:
         expected="no such thing: this is a fault of the program",
         advice="report it with what --verbose says; the files written so far are whole",
     )
+
+
+def is_of_memory(error: BaseException) -> bool:
+    """Whether memory, or the room for addresses, was not enough: libraries say it in their own ways."""
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return True
+    said = str(error).lower()
+    if isinstance(error, ImportError | RuntimeError) and any(words in said for words in OF_MEMORY):
+        return True
+    behind = error.__cause__ or error.__context__
+    return behind is not None and isinstance(error, ImportError) and is_of_memory(behind)
+
+
+def _out_of_memory(seen: str, expected: str) -> InternalError:
+    return InternalError(
+        where="memory",
+        seen=seen,
+        expected=expected,
+        advice="close other programs, or raise the limit (`ulimit -v unlimited`)",
+    )
+
+
+def check_address_space() -> None:
+    """Refuses a limit of addresses under which NumPy's libraries end the process, or wait for ever, without a word.
+
+    Raises InternalError.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < LEAST_ADDRESSES:
+        raise _out_of_memory(
+            f"a limit of {limit / 1e6:.0f} MB of addresses", f"at least {LEAST_ADDRESSES / 1e6:.0f} MB"
+        )
 
 
 def check_arguments(argv: list[str]) -> None:

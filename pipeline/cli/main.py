@@ -36,12 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     4 tracking, 5 geometry, 6 writing, 7 ran but is not to be used, 130 interrupted).
     """
     given = list(sys.argv[1:] if argv is None else argv)
-    parser = build_parser()
     try:
+        parser = build_parser()
         arguments = parser.parse_args(given)
     except SystemExit as ended:  # --help; mistakes are raised by the parser
         return int(ended.code or 0)
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:
         return _refused(given, error)
     if arguments.version:
         from importlib.metadata import version
@@ -54,8 +54,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run(arguments, given, whole_process=argv is None)
 
 
-def _refused(given: list[str], error: Exception) -> int:
-    """A command line that is none."""
+def interrupted(argv: Sequence[str] | None = None) -> int:
+    """`main` for a command that was interrupted before it was there: said like every interrupt."""
+    return _refused(list(sys.argv[1:] if argv is None else argv), KeyboardInterrupt())
+
+
+def _refused(given: list[str], error: BaseException) -> int:
+    """A command line that is none, or that nobody waits for any more."""
     from pipeline.cli.console import Console
     from pipeline.cli.door import mend_streams, through_door
 
@@ -72,7 +77,7 @@ def run(arguments: Namespace, given: Sequence[str] = (), *, whole_process: bool 
     `whole_process` says that the process does nothing else, so that its start is the command's.
     """
     from pipeline.cli.console import Console, process_age_s
-    from pipeline.cli.door import check_arguments, mend_streams, through_door
+    from pipeline.cli.door import check_address_space, check_arguments, mend_streams, through_door
 
     mend_streams()
     if whole_process:
@@ -82,6 +87,7 @@ def run(arguments: Namespace, given: Sequence[str] = (), *, whole_process: bool 
 
     def act() -> int:
         check_arguments(list(given))
+        check_address_space()
         module = arguments.command if arguments.command in OWN_MODULES else "flights"
         action = partial(importlib.import_module(f"{__package__}.{module}").run, arguments, console)
         code: int = action()

@@ -17,10 +17,12 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from calibration.foundation.errors import RunningFixError, UsageError
+from calibration.foundation.palette import palette
 from pipeline.label.session import LabelSession
 from pipeline.records import Box
 
 ADDRESS, HEADER, LONGEST_BODY = "127.0.0.1", "X-Runningfix", 1 << 16
+PALETTE_HERE = "/* palette */"
 PATIENCE_S = 30.0
 """For a request to arrive whole; then its connection ends."""
 
@@ -42,7 +44,8 @@ class LabelServer(ThreadingHTTPServer):
 
 def page_text() -> str:
     """The label page."""
-    return (resources.files(__package__) / "page.html").read_text(encoding="utf-8")
+    page = (resources.files(__package__) / "page.html").read_text(encoding="utf-8")
+    return page.replace(PALETTE_HERE, palette())
 
 
 def label_server(session: LabelSession, *, port: int = 0, page: str | None = None) -> LabelServer:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from calibration.foundation.palette import palette
 from pipeline.records import Results
 from pipeline.report.blocks import Section, section
 from pipeline.report.text.markup import Html, joined, tag
@@ -39,7 +40,7 @@ def render_report(results: Results) -> str:
         tag("meta", name="color-scheme", content="light dark"),
         tag("title", f"{results.title} \u2013 runningfix"),
         tag("link", rel="icon", href="data:,"),
-        tag("style", _asset("report.css")),
+        tag("style", Html("\n" + palette()), _asset("report.css")),
     )
     scripts = [tag("script", _asset(name)) for name in ("space.js", "page.js")]
     page = tag("html", tag("head", head), tag("body", body, *scripts), lang="en")

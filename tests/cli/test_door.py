@@ -59,6 +59,9 @@ def test_help_is_no_error(capsys):
         (KeyboardInterrupt(), 130, "interrupted"),
         (ZeroDivisionError("division by zero"), 1, "ZeroDivisionError: division by zero"),
         (MemoryError(), 1, "not enough"),
+        (ImportError("libx.so.1: failed to map segment from shared object"), 1, "not enough"),
+        (RuntimeError("can't start new thread"), 1, "not enough"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "not enough"),
         (RecursionError("too deep"), 1, "too deep"),
         (OSError(errno.ENOSPC, "No space left on device", "/x"), 6, "no space left"),
         (GeometryError(where="a" * 10**6, seen="b\x1b[31m\n", expected="c", advice="d"), 5, "\\x1b[31m"),
@@ -74,6 +77,51 @@ def test_what_ends_a_command(capsys, monkeypatch, flight, raised, code, words):
     assert words in error["seen"]
     assert words in said
     assert len(said) < 4 * LONGEST_PART
+
+
+@pytest.mark.parametrize("limit", [200_000_000, 10**12])
+def test_a_limit_of_addresses_under_which_libraries_hang_is_refused(capsys, monkeypatch, flight, limit):
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(flights, "run", lambda *_: 0)
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (limit, limit))
+    arguments = ["run", str(flight), "-o", str(flight.parent / "out"), "--json"]
+    if limit > 10**9:
+        assert main(arguments) == 0
+        return
+    code, error, said = answer(capsys, *arguments[:-1])
+    assert (code, error["where"]) == (1, "memory")
+    assert "200 MB" in said
+    assert "ulimit" in error["advice"]
+
+
+def test_an_interrupt_before_there_is_a_command(capsys, monkeypatch):
+    def build():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pipeline.cli.main.build_parser", build)
+    code, error, _ = answer(capsys, "solve", "flight.toml")
+    assert (code, error["seen"]) == (130, "interrupted")
+
+
+@pytest.mark.parametrize("module", ["pipeline", "runningfix"])
+def test_an_interrupt_while_the_program_is_loaded(module):
+    script = f"""if True:
+        import builtins, runpy, sys
+        as_ever, interrupts = builtins.__import__, [KeyboardInterrupt]
+
+        def load(name, *rest, **more):
+            if name == "pipeline.cli.main" and interrupts:
+                raise interrupts.pop()
+            return as_ever(name, *rest, **more)
+
+        builtins.__import__ = load
+        sys.argv = ["runningfix", "solve", "flight.toml", "--json"]
+        runpy.run_module("{module}", run_name="__main__", alter_sys=True)
+    """
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, timeout=300, check=False)
+    assert done.returncode == 130, done.stderr
+    assert json.loads(done.stdout)["error"]["seen"] == "interrupted"
+    assert done.stderr.count(b"\n") == 1, done.stderr
 
 
 def test_parts_are_cut_in_their_middle():

@@ -109,7 +109,9 @@ def test_the_report_shows_every_first_fix_and_the_bridge(solved):
     first = [(target, camera) for target, camera, kind in shown if kind == "its first fix"]
     assert sorted(first) == sorted((t, c) for t in ("car", "truck", "van", "pickup") for c in ("uav1", "uav2"))
     assert {(t, c) for t, c, kind in shown if kind != "its first fix"} == {("van", "uav1"), ("van", "uav2")}
-    assert page.count("data:image/jpeg;base64,") == len(shown) + page.count("an outlier,")
+    assert page.count('<image href="data:image/jpeg;base64,') == len(shown) + page.count("an outlier,")
+    assert page.count('class="film"') == 2
+    assert page.count('<image href="data:image/webp;base64,') == page.count('class="map"')
     assert len(page) < 2_000_000
 
 

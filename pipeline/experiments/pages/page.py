@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from importlib.resources import files
 
+from calibration.foundation.palette import palette
 from pipeline.experiments.declare import Axes, Curve, Drawing, Grid, Path3D
 from pipeline.experiments.pages.curves import curve_figure
 from pipeline.experiments.pages.paths import path_figure
@@ -27,7 +28,7 @@ def render_page(outcome: Outcome) -> str:
         tag("meta", name="color-scheme", content="light dark"),
         tag("title", f"{e.title} \u2013 runningfix"),
         tag("link", rel="icon", href="data:,"),
-        tag("style", Html("\n" + files(__package__).joinpath("page.css").read_text(encoding="utf-8"))),
+        tag("style", Html("\n" + palette() + files(__package__).joinpath("page.css").read_text(encoding="utf-8"))),
     )
     body = joined(
         tag("p", " \u2013 ".join(filter(None, (f"runningfix experiment {e.name}", e.paper))), class_="kicker"),

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from calibration.foundation.errors import WriteError
 from calibration.foundation.files import cannot_write, part_name, write_whole
 from pipeline.stages.running.lock import locked
 from pipeline.stages.running.provenance import file_hash
@@ -112,14 +113,18 @@ class Ledger:
 
         Raises WriteError; then nothing has changed, or the next to open the folder completes it.
         """
-        swap = {
-            "stage": stage,
-            "key": key,
-            "warnings": list(warnings),
-            "files": {name: self._aside(number, content) for number, (name, content) in enumerate(files.items())},
-            "drop": list(drop),
-        }
-        write_whole(self.folder / "pending.json", json.dumps(swap, indent=1))
+        try:
+            swap = {
+                "stage": stage,
+                "key": key,
+                "warnings": list(warnings),
+                "files": {name: self._aside(number, content) for number, (name, content) in enumerate(files.items())},
+                "drop": list(drop),
+            }
+            write_whole(self.folder / "pending.json", json.dumps(swap, indent=1))
+        except WriteError:  # a full disk: what was written aside would keep it full
+            self._clear()
+            raise
         return self._complete(swap)
 
     def _aside(self, number: int, content: bytes | str | Path) -> dict[str, str]:

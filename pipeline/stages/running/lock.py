@@ -62,8 +62,11 @@ def _acquire(path: Path) -> int:
         except OSError:  # a file system without locks: as before there were any
             return handle
         if _still_there(path, handle):
-            os.ftruncate(handle, 0)
-            os.write(handle, f"{os.getpid()} on {socket.gethostname()}".encode())
+            with contextlib.suppress(
+                OSError
+            ):  # a full disk: the lock holds without a name; what is written next says it
+                os.ftruncate(handle, 0)
+                os.write(handle, f"{os.getpid()} on {socket.gethostname()}".encode())
             return handle
         os.close(handle)  # its holder ended between our opening and our taking it: the file is gone
 

@@ -78,7 +78,7 @@ class Layout:
     @property
     def time_bytes(self) -> int:
         """8 where the message starts with microseconds since boot, 4 with milliseconds, else 0."""
-        first = (self.fields[0], self.letters[0]) if self.fields else ("", "")
+        first = (self.fields[0] if self.fields else "", self.letters[:1])
         return {("TimeUS", "Q"): 8, ("TimeMS", "I"): 4}.get(first, 0)
 
 

@@ -12,6 +12,7 @@ from pipeline.solver.observation.clocks import common_time_s
 from pipeline.solver.observation.observations import metric
 from pipeline.solver.uncertainty.covariance import Inverse
 from pipeline.solver.uncertainty.jackknife import freed_gradients
+from pipeline.solver.uncertainty.redundancy import redundancy_table
 from tests.scenes.solver import changed, placed_model, rich_model
 
 KINDS = ("spline", "polynomial", "spline") * 3
@@ -104,6 +105,24 @@ def test_sums_from_the_end_are_the_same(scene, monkeypatch):
 
     for few, all_of_them in zip(found(), with_all(found, monkeypatch), strict=True):
         alike(few, all_of_them)
+
+
+def test_leverages_ask_for_no_more_than_the_band_knows(scene):
+    model, state = scene
+    system = linear(model, state).system
+    inverse = factorise(system).solve(np.eye(len(system.gradient)))
+    square = np.ones(model.frames.seen.shape)
+
+    class Dense:
+        def pairs(self, i, j):
+            return inverse[i, j]
+
+    found, wanted = (
+        redundancy_table(model, state, covariance, square)
+        for covariance in (Inverse(factor=factorise(system)), Dense())
+    )
+    np.testing.assert_allclose(found.left, wanted.left, rtol=1e-5)
+    np.testing.assert_allclose(found.own, wanted.own, rtol=1e-5, atol=1e-5)
 
 
 def test_where_all_are_seen_nothing_is_moved():

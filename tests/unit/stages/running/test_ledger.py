@@ -180,6 +180,37 @@ def test_a_full_disk_leaves_the_old_set(tmp_path, monkeypatch):
     assert Ledger(tmp_path).finished("solve", "1")
 
 
+@pytest.mark.parametrize("at", [2, 3])
+def test_a_disk_that_becomes_full_is_not_kept_full(tmp_path, monkeypatch, at):
+    """What was written aside goes away with the failure: of two files one, or both where the note does not fit."""
+    Ledger(tmp_path).record("solve", "1", {"a.csv": "old", "b.csv": "old"})
+    written = []
+
+    def full(*_):
+        written.append(1)
+        if len(written) == at:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(WriteError, match="No space left"):
+        Ledger(tmp_path).record("solve", "2", {"a.csv": "new", "b.csv": "new"})
+    assert names(tmp_path / FOLDER) == {"ledger.json"}
+    assert Ledger(tmp_path).finished("solve", "1")
+
+
+def test_a_full_disk_has_room_for_a_lock(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pipeline.stages.running.lock.os.write", full)
+    with writing(tmp_path):
+        with pytest.raises(WriteError, match="process unknown is writing"), writing(tmp_path):
+            pass
+        monkeypatch.undo()
+        write_whole(tmp_path / "a.csv", "mine")
+    assert names(tmp_path) == {"a.csv"}
+
+
 def test_the_second_of_two_runs_is_refused_with_the_first_one_named(tmp_path):
     with writing(tmp_path / "out"):
         with pytest.raises(WriteError) as caught, writing(tmp_path / "out"):
