@@ -26,6 +26,7 @@ OWN_MODULES = (
     "export",
     "inspect",
     "label",
+    "landmarks",
     "match",
     "new",
 )

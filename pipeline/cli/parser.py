@@ -40,6 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     _camera(commands)
     _detect(commands)
     _label(commands)
+    _landmarks(commands)
     _match(commands)
     _new(commands)
     check = _command(
@@ -208,6 +209,36 @@ def _label(commands: Commands) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only say the address")
 
 
+def _landmarks(commands: Commands) -> None:
+    parser = _command(
+        commands, "landmarks", "surveyed points of OpenDroneMap or Pix4D, with their marks, into a new flight file",
+        "runningfix landmarks flight.toml gcp_list.txt --datum msl",
+    )  # fmt: skip
+    parser.add_argument("flight", type=Path, metavar="flight.toml", help="the flight file; it is left as it is")
+    parser.add_argument("list", type=Path, metavar="LIST", help="gcp_list.txt, or Pix4D's marks (picture, label, x, y)")
+    parser.add_argument("--coordinates", type=Path, metavar="FILE", help="Pix4D's other file (label, coordinates)")
+    parser.add_argument("--crs", metavar="EPSG:32616", help="coordinate system, where the list names none")
+    parser.add_argument("--datum", choices=("ellipsoid", "msl"), help="what heights count from, where that is not said")
+    parser.add_argument(
+        "--order", choices=("east-first", "north-first"),
+        help="of two coordinates (default: east for OpenDroneMap, as the system's axes for Pix4D)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pixel-origin", choices=("centre", "corner"),
+        help="where pixel (0, 0) is on the top-left pixel (default: centre for OpenDroneMap, corner for Pix4D)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--first-frame", type=int, default=0, metavar="N", help="number in the name of a video's frame 0"
+    )
+    parser.add_argument("--sigma-m", type=_positive, default=0.05, metavar="M", help="of the places (default: 0.05)")
+    parser.add_argument("--sigma-up-m", type=_positive, metavar="M", help="of their heights (default: as --sigma-m)")
+    parser.add_argument("--sigma-px", type=_positive, default=1.0, metavar="PX", help="of the marks (default: 1)")
+    parser.add_argument("--check", action="append", metavar="NAME", help="a point that is only held against the answer")
+    parser.add_argument(
+        "--write", type=Path, metavar="NAME.toml", help="the new flight file (default: flight-landmarks.toml beside it)"
+    )
+
+
 def _match(commands: Commands) -> None:
     parser = _command(
         commands, "match", "which target of one camera is which of another: boxes and tracks under common names",
@@ -318,3 +349,11 @@ def _experiment(commands: Commands) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2); the numbers do not depend on it")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="fly on a Dask cluster instead (extra 'cluster')")
     parser.add_argument("-o", "--output", default=Path("experiments"), type=Path, metavar="experiments/", help=OUT_HELP)
+
+
+def _positive(text: str) -> float:
+    """A finite number above zero."""
+    value = float(text)
+    if not 0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text} is not a number above zero")
+    return value

@@ -10,6 +10,7 @@ from calibration.foundation.on_demand import on_demand
 if TYPE_CHECKING:
     from pipeline.stages.checks.outlook import Outlook
     from pipeline.stages.drafting.draft import Draft, draft_flight
+    from pipeline.stages.drafting.landmarks import LandmarkDraft, LandmarkOptions, draft_landmarks
     from pipeline.stages.inputs.cameras import read_models
     from pipeline.stages.inputs.log_paths import log_paths
     from pipeline.stages.inputs.sources import open_sources
@@ -34,6 +35,8 @@ else:
         __name__,
         {
             "Draft": "drafting.draft",
+            "LandmarkDraft": "drafting.landmarks",
+            "LandmarkOptions": "drafting.landmarks",
             "Ledger": "running.ledger",
             "MatchRun": "running.match",
             "MeasuredPoses": "poses.measured",
@@ -44,6 +47,7 @@ else:
             "check_flight": "running.check",
             "decisive": "running.provenance",
             "draft_flight": "drafting.draft",
+            "draft_landmarks": "drafting.landmarks",
             "gather_results": "running.results",
             "log_paths": "inputs.log_paths",
             "measure_poses": "poses.measure",
@@ -64,6 +68,8 @@ else:
 
 __all__ = [
     "Draft",
+    "LandmarkDraft",
+    "LandmarkOptions",
     "Ledger",
     "MatchRun",
     "MeasuredPoses",
@@ -74,6 +80,7 @@ __all__ = [
     "check_flight",
     "decisive",
     "draft_flight",
+    "draft_landmarks",
     "gather_results",
     "log_paths",
     "measure_poses",
