@@ -9,7 +9,7 @@ from pathlib import Path
 from calibration.foundation.errors import RunningFixError
 from pipeline.synthetic import Quality, demo_scene, small_scene, write_flight
 
-SCENES = {"demo": (demo_scene, Quality()), "small": (small_scene, Quality(crf=20, photos=14, jpeg=90))}
+SCENES = {"demo": (demo_scene, Quality()), "small": (small_scene, Quality(crf=20, photos=14, jpeg=90, pixel_px=0.2))}
 
 
 def main() -> int:

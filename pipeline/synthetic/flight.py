@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -44,12 +44,16 @@ CHOICE, MARGIN_PX = 20, 8
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """Sizes of the files: quality of the videos (x264 crf), number and JPEG quality of the photos, and the optics."""
+    """Sizes of the files: quality of the videos (x264 crf), number and JPEG quality of the photos, and the optics.
+
+    pixel_px  what the flight file says that a tracked point is worth in such videos; None: what the noise says
+    """
 
     crf: int = 18
     photos: int = 20
     jpeg: int = 92
     optics: Optics = field(default_factory=Optics)
+    pixel_px: float | None = None
 
 
 def write_flight(
@@ -77,7 +81,7 @@ def write_flight(
     truth = true_flight(scene)
     write_truth(folder, scene, truth)
     path = folder / "flight.toml"
-    write_whole(path, flight_toml(scene, truth, noise))
+    write_whole(path, flight_toml(scene, truth, _told(noise, quality)))
     return path
 
 
@@ -170,6 +174,10 @@ def _whole_side(centre_px: float, reach_px: float) -> tuple[int, int]:
         ),
         key=lambda side: abs(side[0] + side[1] / 2 - 0.5 - centre_px),
     )
+
+
+def _told(noise: Noise, quality: Quality) -> Noise:
+    return noise if quality.pixel_px is None else replace(noise, pixel_px=quality.pixel_px)
 
 
 def flight_toml(scene: Scene, truth: Truth, noise: Noise) -> str:

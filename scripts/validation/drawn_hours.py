@@ -17,6 +17,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from calibration.foundation.arrays import Floats
+from pipeline.geometry.geodesy import Geodetic
 from pipeline.records import Motion
 from pipeline.synthetic.demo_scenes import demo_lens
 from pipeline.synthetic.flight import UTC_ZERO_S, first_box
@@ -111,7 +112,7 @@ def write_hours(folder: File, seconds: float, rate_hz: float) -> File:
     assert loop.landscape is not None
     country = replace(paint(loop.landscape), solids=())  # trees and houses would stand in the cars' way
     boxes: dict[str, list[str]] = {name: [] for name in crossings(seconds)}
-    tables = []
+    tables = [_origin(whole.origin)]  # positions are compared in the scene's own frame
     for index, camera in enumerate(whole.cameras):
         short = loop.cameras[index]
         part = folder / f"{camera.name}-loop.mp4"
@@ -135,6 +136,11 @@ def write_hours(folder: File, seconds: float, rate_hz: float) -> File:
     flight = folder / "flight.toml"
     flight.write_text("\n\n".join(tables) + "\n")
     return flight
+
+
+def _origin(origin: Geodetic) -> str:
+    lat, lon = (float(np.degrees(angle)) for angle in (origin.lat_rad, origin.lon_rad))
+    return f"[flight]\norigin = {{ lat = {lat:.7f}, lon = {lon:.7f}, height = {origin.height_m:g} }}"
 
 
 def _camera(name: str) -> str:

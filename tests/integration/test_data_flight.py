@@ -1,5 +1,6 @@
 """The ready flight of data/: board photos, videos and logs in; trajectories with true uncertainties out; bad input."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 from pipeline.cli.main import main
 from pipeline.demo.compare import true_position
 from pipeline.synthetic import read_truth
+from scripts.notebooks import executed
 from tests.scenes.followed import follow, told_in, unlike
 
 ROOT = Path(__file__).parents[2]
@@ -203,3 +205,18 @@ def test_a_miscounted_board(capsys, flight, tmp_path):
     said = capsys.readouterr().err
     assert "looks like 9x6" in said
     assert not (tmp_path / "camera.json").exists()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")), ids=lambda p: p.stem)
+def test_a_notebook_shows_what_its_cells_give(solved, path):
+    """Executed anew in the flight that the tutorial left; figures of its outputs as close as the tutorial's."""
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    for told, got in zip(kept["cells"], executed(kept, solved)["cells"], strict=True):
+        if told["cell_type"] == "code":
+            assert [sorted(o.get("data", {})) for o in told["outputs"]] == [
+                sorted(o.get("data", {})) for o in got["outputs"]
+            ]
+            texts = [
+                "".join("".join(o.get("text") or o["data"]["text/plain"]) for o in c["outputs"]) for c in (told, got)
+            ]
+            assert unlike(*texts) == "", told["source"]

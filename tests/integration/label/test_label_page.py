@@ -79,9 +79,9 @@ USE_IT = """
   const drag = async (pane, [x, y, w, h]) => {
     const words = document.getElementById("words");
     words.textContent = "";
-    const seen = pane.canvas.getBoundingClientRect(), unit = seen.width / pane.canvas.width;
-    const at = (kind, px, py) => pane.canvas.dispatchEvent(new PointerEvent(kind,
-      { pointerId: 1, clientX: seen.left + px * unit, clientY: seen.top + py * unit, bubbles: true }));
+    const seen = pane.canvas.getBoundingClientRect(), unit = seen.width / pane.canvas.width, view = pane.view;
+    const at = (kind, px, py) => pane.canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, bubbles: true,
+      clientX: seen.left + (px - view.x) * view.zoom * unit, clientY: seen.top + (py - view.y) * view.zoom * unit }));
     pane.canvas.setPointerCapture = () => {};
     at("pointerdown", x, y); at("pointermove", x + w / 2, y + h); at("pointerup", x + w, y + h);
     await wait(() => words.textContent !== "");
@@ -90,7 +90,24 @@ USE_IT = """
   const done = [];
   const choose = (pane, name) => { pane.target.value = name; pane.target.dispatchEvent(new Event("change")); };
   choose(panes[0], "target1");
+  const seen = panes[0].canvas.getBoundingClientRect(), unit = seen.width / panes[0].canvas.width;
+  const [bx, by, bw, bh] = BOXES[0];
+  const clientX = seen.left + (bx + bw / 2) * unit, clientY = seen.top + (by + bh / 2) * unit;
+  const wheel = () =>
+    panes[0].canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -500, cancelable: true, clientX, clientY }));
+  wheel();
+  done.push(panes[0].view.zoom);
+  panes[0].canvas.focus();
+  wheel();
+  done.push(panes[0].view.zoom > 2 && panes[0].view.x > 0);
   await drag(panes[0], BOXES[0]);
+  const moved = panes[0].view.x;
+  for (const [kind, x] of [["pointerdown", 0], ["pointermove", 20], ["pointerup", 20]])
+    panes[0].canvas.dispatchEvent(
+      new PointerEvent(kind, { pointerId: 1, shiftKey: true, clientX: clientX + x, clientY }));
+  done.push(panes[0].view.x < moved && panes[0].drag === null);
+  panes[0].canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "0" }));
+  done.push(panes[0].view.zoom);
   choose(panes[0], "target2");
   await drag(panes[0], BOXES[1]);
   choose(panes[1], "target1");
@@ -128,7 +145,7 @@ def test_a_person_draws_boxes_pairs_them_and_tracks(rendered, flight, serve, tmp
     shot = ("--dump-dom", "--virtual-time-budget=60000")
     page, console = browse_address(serve(page_text().replace("</body>", use + "</body>")), tmp_path / "profile", *shot)
     assert console == ""
-    assert re.search(r'data-used="([^"]*)"', page)[1].split() == ["3", "2", "4"]
+    assert re.search(r'data-used="([^"]*)"', page)[1].split() == ["1", "true", "true", "1", "3", "2", "4"]
     text = flight.read_text()
     assert text.startswith(FLIGHT)
     targets = tomllib.loads(text)["targets"]
