@@ -15,12 +15,15 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+from scipy.linalg.blas import dtrsm
 
 from calibration.foundation.arrays import Floats
 from pipeline.solver.adjustment import _band, _kernels
 
 Complexes = npt.NDArray[np.complex128]
 T = TypeVar("T", Floats, Complexes)
+WIDE = 100_000
+"""Width squared times right sides from which on dense blocks of a banded factor are quicker than its columns."""
 COMPLEX_STEP = 1e-30
 """So short that its square is nothing beside one; no length of it is better than another."""
 
@@ -131,7 +134,7 @@ def factorise(system: Bordered) -> Factor | None:
     try:
         if system.n_band:
             band = cholesky_banded(system.band, lower=True, check_finite=False)
-            eliminated = cho_solve_banded((band, True), system.border, check_finite=False)
+            eliminated = solve_banded(band, system.border)
         else:
             band, eliminated = system.band, system.border
         schur = system.corner - system.border.T @ eliminated
@@ -141,6 +144,44 @@ def factorise(system: Bordered) -> Factor | None:
     if not np.isfinite(corner[0]).all():
         return None
     return Factor(band=band, eliminated=eliminated, border=system.border, corner=corner)
+
+
+def solve_banded(lower: Floats, right: Floats) -> Floats:
+    """K^-1 times `right` (n, q) from the banded Cholesky factor `lower` (w + 1, n) of K.
+
+    LAPACK's `pbtrs` takes one right side after the other; many at once are taken by blocks as wide as the band.
+    """
+    width, n = len(lower) - 1, lower.shape[1]
+    if width * width * right.shape[1] < WIDE:
+        return np.asarray(cho_solve_banded((lower, True), right, check_finite=False))
+    out = np.array(right, order="C")
+    begins = range(0, n, width)
+    for begin in begins:
+        own = out[begin : begin + width]
+        if begin:
+            own -= _below(lower, begin - width) @ out[begin - width : begin]
+        own[:] = dtrsm(1.0, _upper(lower, begin), own.T, side=1, overwrite_b=1).T
+    for begin in reversed(begins):
+        own, after = out[begin : begin + width], out[begin + width : begin + 2 * width]
+        if len(after):
+            own -= _below(lower, begin).T @ after
+        own[:] = dtrsm(1.0, _upper(lower, begin), own.T, side=1, trans_a=1, overwrite_b=1).T
+    return out
+
+
+def _upper(lower: Floats, begin: int) -> Floats:
+    """(s, s) transpose of the factor's diagonal block of the band's width from `begin` on."""
+    size = min(len(lower) - 1, lower.shape[1] - begin)
+    apart, least = np.subtract.outer(np.arange(size), np.arange(size)), np.arange(size)
+    return np.asarray(np.where(apart >= 0, lower[np.maximum(apart, 0), begin + least], 0.0).T)
+
+
+def _below(lower: Floats, begin: int) -> Floats:
+    """(s, w) block of the factor below its diagonal block from `begin` on."""
+    width = len(lower) - 1
+    size = min(width, lower.shape[1] - begin - width)
+    apart = width + np.subtract.outer(np.arange(size), np.arange(width))
+    return np.where(apart <= width, lower[np.minimum(apart, width), begin + np.arange(width)], 0.0)
 
 
 def band_of_inverse(lower: T) -> T:

@@ -29,7 +29,7 @@ class Seen:
     """B blocks with W targets each, perhaps others in each.
 
     target     (B, W) which of the model's; None: all of them in every block
-    transform  (R, W, K + 1, K + 1) from the targets' acting coefficients to power series; `row` (B,) a block's
+    transform  (R, W, K + 1, A) from the targets' acting coefficients to power series; `row` (B,) a block's
     degree     (W,) how many of a target's columns there are its own, less one
     local_from_camera  (B, ., .) of the blocks, with the place errors of the targets
     places     (B, G) where its targets' acting coefficients (target, axis, coefficient) and its parameters sit
@@ -172,7 +172,7 @@ def _together(model: Model, blocks: Blocks, at: At, seen: Bools, target: Ints) -
         target=target,
         transform=model.basis.transforms[blocks.span[:, None], target],
         row=np.arange(len(target)),
-        degree=np.full(width, model.basis.degree),
+        degree=np.full(width, model.basis.most_acting - 1),
         local_from_camera=with_places(blocks, width),
         places=np.concatenate([acting, order.camera[blocks.camera[:, None], _mine(at, target)], *knots], axis=1),
     )
@@ -207,10 +207,10 @@ def _mine(at: At, target: Ints) -> Ints:
 
 
 def _acting(basis: MotionBasis, order: Order, blocks: Blocks, seen: Bools, target: Ints) -> Ints:
-    """(B, 3 W (K + 1)) where the acting coefficients of the targets (B, W) sit; -1 where unseen, held or too many."""
+    """(B, 3 W A) where the acting coefficients of the targets (B, W) sit; -1 where unseen, held or too many."""
     every = np.arange(len(target))[:, None]
     active = np.stack([t.active for t in basis.targets], axis=1)[blocks.span[:, None], target]
-    power = np.arange(basis.degree + 1)
+    power = np.arange(basis.most_acting)
     own = (power <= basis.degrees[target][..., None]) & seen[every, target][..., None]
     acting = order.coefficient[np.where(own, active[..., None] + power, 0)]
     return np.swapaxes(np.where(own[..., None], acting, -1), 2, 3).reshape(len(target), -1)

@@ -88,6 +88,7 @@ def judged(problem: Problem, found: Outcome, solution: Solution, settings: Judge
         reasons = [*against, *doubts, *shutters, *reasons, *_depths(depths)]
     elif solution.method == "map":
         reasons = [_no_sigmas(), *reasons]
+    reasons.sort(key=lambda reason: reason.grade == "good")  # what speaks against the answer comes first
     verdict = Verdict(grade=worst(tuple(r.grade for r in reasons)), reasons=tuple(reasons))
     return replace(solution, verdict=verdict, expected_chi_square=expected, depths=depths, corrections=taken)
 
@@ -375,6 +376,8 @@ SPOKEN = {
     "left-out": "look at those sightings",
     "target-left-out": "give it what the words ask for, or leave it out of the flight file",
     "many-outliers": "look at the tracks",
+    "motions-or-poses": "compare the log with another receiver's, give larger sigmas if it may be so wrong, or "
+    'motion = "polynomial" with an order if the targets do go simply',
     "low-weights": 'look at the tracks of that camera; with that many outliers use robust = "cauchy"',
 }
 """Findings that lower the verdict to "care", with their advice."""

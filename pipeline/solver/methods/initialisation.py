@@ -29,15 +29,19 @@ TRIAL = 25
 
 @dataclass(frozen=True, kw_only=True)
 class Stages:
-    """Of a graduated loss: how many, iterations of each at most, what ends one, median residuals at which it bends."""
+    """Of a graduated loss: how many, iterations of each at most, what ends one, median residuals at which it bends.
+
+    short_of  what ends an adjustment to which sightings are still going to come back
+    """
 
     count: int
     short: int
     coarse: float
     far: float
+    short_of: float
 
 
-STAGES = Stages(count=4, short=8, coarse=1e-2, far=2.5)
+STAGES = Stages(count=4, short=8, coarse=1e-2, far=2.5, short_of=1e-3)
 MARGIN, SAME_S = 0.3, 0.1
 """Share by which the search's cost may be worse for a candidate to be tried; clocks nearer than this are the same."""
 NEAREST, READMITTED = 0.1, 4
@@ -154,19 +158,27 @@ def cleared(model: Model, state: State, descent: Descent, small: float = SMALL) 
     if all(t.kind == "polynomial" for t in model.basis.targets):
         return graduated(model, state, descent, small)
     whole, hidden = model.frames, too_near(model, state)
-    if hidden.any():
-        model = model.changed(frames=without(whole, whole, hidden))
-        state = intersect_weighted(model, state)
-    fit = graduated(model, state, descent, small)
-    for _ in range(READMITTED):
+    if not hidden.any():
+        fit = graduated(model, state, descent, small)
+        return fit if not too_near(fit.model, fit.state).any() else _readmitted(fit, whole, hidden, descent, small)
+    model = model.changed(frames=without(whole, whole, hidden))
+    fit = graduated(model, intersect_weighted(model, state), descent, max(small, STAGES.short_of))
+    return _readmitted(fit, whole, hidden, descent, small)
+
+
+def _readmitted(fit: Fit, whole: Frames, hidden: Bools, descent: Descent, small: float) -> Fit:
+    """From `fit` without the sightings `hidden`: with all that then pass before their camera, until these stay."""
+    for n in range(READMITTED):
         seen = fit.model.changed(frames=without(fit.model.frames, whole, np.zeros_like(hidden)))
         again = too_near(seen, fit.state)
-        if (again == hidden).all():
-            break
+        settled = (again == hidden).all()
         hidden = again
         model = fit.model.changed(frames=without(fit.model.frames, whole, hidden))
-        more = levenberg_marquardt(model, fit.state, descent, small=small)
+        last = settled or n == READMITTED - 1
+        more = levenberg_marquardt(model, fit.state, descent, small=small if last else max(small, STAGES.short_of))
         fit = replace(more, iterations=fit.iterations + more.iterations)
+        if settled:
+            break
     return fit
 
 

@@ -33,8 +33,9 @@ from pipeline.solver.methods.known_motions import ground_gaps, renewed_known
 from pipeline.solver.methods.lone_stretches import Lone, confined, none_alone, told
 from pipeline.solver.methods.model_selection import choose_motions
 from pipeline.solver.methods.parameters import BEND, MotionChoice, first_choice
-from pipeline.solver.methods.restarts import NO_FINITE_ANSWER, Beginning, Settled, best_of, parabolas
+from pipeline.solver.methods.restarts import NO_FINITE_ANSWER, Beginning, Settled, best_of, is_doubtful, parabolas
 from pipeline.solver.methods.results import Outcome
+from pipeline.solver.methods.simple_motions import simple_motions
 from pipeline.solver.methods.variance_components import renewed_jerk, renewed_walk, with_strengths
 from pipeline.solver.methods.wandering_poses import with_wandering_poses
 from pipeline.solver.observation.observations import Frames
@@ -84,6 +85,9 @@ def adjust(
     def finely(model: Model, state: State) -> Fit:
         return levenberg_marquardt(model, state, replace(descent, damping=WARM))
 
+    def simple() -> Fit:
+        return parabolas(beginning, found[:TRIED])
+
     def settle(fit: Fit) -> Settled:
         if fit.status == "iteration-limit" and len(found) > 1:
             fit = continued(fit, descent)
@@ -95,22 +99,24 @@ def adjust(
         fit = with_estimated_priors(fit, descent, rounds=ROUNDS if asked else 1, even=asked)
         fit, clocks = with_drifting_clocks(problem, fit, descent)
         fit, wanders = with_wandering_poses(problem, fit, warm)
-        chosen = choose_motions(problem, choice, fit, finely, lambda: parabolas(beginning, found[:TRIED]), alone)
+        chosen = choose_motions(problem, choice, fit, finely, simple, alone)
         fit = along_the_ground(problem, with_estimated_priors(chosen.fit, descent), finely)
         if has_estimated_priors(fit):
             fit = continued(fit, replace(descent, damping=WARM), small=FINELY)
         findings = (*outliers, *chosen.findings, *clocks, *wanders, *told(alone, fit))
-        return Settled(fit=fit, findings=findings, lone=alone.sighting)
+        return Settled(fit=fit, findings=findings, choice=chosen.choice, alone=alone)
 
     beginning = Beginning(
         problem=problem, settings=settings, frames=frames, choice=choice, descent=descent, small=small
     )
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
     settled, restarts = best_of(_settled(fit, settle), beginning, found[:1], found[TRIED:], settle)
+    suspected = () if is_doubtful(settled.fit) else _suspected(problem, settled, finely)
     return Adjusted(
         fit=settled.fit, candidates=ranked,
         findings=(
-            *ambiguous, *restarts, *settled.findings, *left_out(frames, settled.fit.model.frames, settled.lone),
+            *ambiguous, *restarts, *settled.findings, *suspected,
+            *left_out(frames, settled.fit.model.frames, settled.lone),
             *ground_gaps(problem, settled.fit.model, settled.fit.state),
         ),
     )  # fmt: skip
@@ -122,6 +128,13 @@ def _settled(fit: Fit, settle: Callable[[Fit], Settled]) -> Settled:
         return settle(fit)
     except NO_FINITE_ANSWER:
         return Settled(fit=replace(fit, status="stalled"))
+
+
+def _suspected(problem: Problem, settled: Settled, descend: Callable[[Model, State], Fit]) -> tuple[Finding, ...]:
+    """Whether free motions may be what poses did."""
+    if settled.choice is None or settled.alone is None:
+        return ()
+    return simple_motions(problem, settled.choice, settled.fit, descend, settled.alone)
 
 
 def without_lone_stretches(fit: Fit, choice: MotionChoice, descend: Callable[[Model, State], Fit]) -> tuple[Fit, Lone]:

@@ -28,7 +28,7 @@ from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
-from pipeline.solver.methods.initialisation import residual_lengths
+from pipeline.solver.methods.initialisation import differ, residual_lengths
 from pipeline.solver.methods.lone_stretches import Lone
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import common_time_s
@@ -73,7 +73,7 @@ def choose_motions(
     beyond = _beyond(fit, free)
     tried = [n for n in free if beyond[n] > SCREENED]
     found = choice, fit
-    starts = [fit, _alike(simple(), fit)] if tried else []
+    starts = _starts(fit, simple) if tried else []
     while tried:
         lowered = _lowered(choice, starts, tried, descend, alone)
         rich = [n for n in tried if lowered is None or lowered.orders[n] > HIGHEST]
@@ -98,11 +98,20 @@ def _raised(
         for n in lone:
             if choice.orders[n] < MOST_LONE:
                 wanted = {n: choice.orders[n] + 1}
-                trials.append((with_orders(choice, wanted), _adjusted(choice, fit, wanted, descend, alone)))
+                trials.append((with_orders(choice, wanted), adjusted(choice, fit, wanted, descend, alone)))
         best = min(trials, key=lambda trial: trial[1].cost, default=None)
-        if best is None or 2 * (fit.cost - best[1].cost) / _unit(fit) < DEAR:
+        if best is None or 2 * (fit.cost - best[1].cost) / unit(fit) < DEAR:
             return choice, fit
         choice, fit = best
+
+
+def _starts(fit: Fit, simple: Callable[[], Fit]) -> list[Fit]:
+    """Adjustments to go on from: the one with splines, and the simple one where its clocks are others.
+
+    At the same clocks both lead to one optimum, since motions enter nearly linearly.
+    """
+    other = simple()
+    return [fit, _alike(other, fit)] if differ(other, fit) else [fit]
 
 
 def _alike(start: Fit, fit: Fit) -> Fit:
@@ -146,7 +155,7 @@ def _beyond(fit: Fit, targets: Sequence[int]) -> dict[int, float]:
         covariance = columns.T @ factor.solve(columns)
         flat = value.T.ravel()
         square = float(flat @ np.linalg.lstsq(covariance, flat, rcond=1e-12)[0])
-        out[n] = float(chdtrc(len(flat), square / _unit(fit)))
+        out[n] = float(chdtrc(len(flat), square / unit(fit)))
     return out
 
 
@@ -164,7 +173,7 @@ def _legendre_rows(fit: Fit, target: int, degrees: int) -> Floats:
     return np.asarray((np.polynomial.legendre.legvander(nodes, degrees) * weights[:, None]).T @ whole)
 
 
-def _unit(fit: Fit) -> float:
+def unit(fit: Fit) -> float:
     """Chi-square per equation where that is above one: sigmas that claim too little say too much."""
     equations = 2 * float(fit.model.frames.seen.sum())
     return max(1.0, 2 * data_cost(fit) / equations)
@@ -176,13 +185,13 @@ def _lowered(
     """Orders of the targets `tried`, lowered as far as the data let them from the first `TRIED` that they determine."""
     for most in TRIED:
         orders = {n: min(_highest(starts[0], n), most) for n in tried}
-        raised = min((_adjusted(choice, start, orders, descend, alone) for start in starts), key=lambda fit: fit.cost)
+        raised = min((adjusted(choice, start, orders, descend, alone) for start in starts), key=lambda fit: fit.cost)
         factor = factorise(raised.linear.system)
         if factor is not None and raised.status != "stalled":
             break
     else:
         return None
-    model, covariance = raised.model, factor.corner_covariance() * _unit(raised)
+    model, covariance = raised.model, factor.corner_covariance() * unit(raised)
     begin = dict(orders)
 
     def places(n: int, order: int) -> Floats:
@@ -223,7 +232,7 @@ def _highest(fit: Fit, target: int) -> int:
     return max(0, min(allowed, (2 * sightings) // 6 - 1))
 
 
-def _adjusted(choice: MotionChoice, fit: Fit, orders: dict[int, int], descend: Descend, alone: Lone) -> Fit:
+def adjusted(choice: MotionChoice, fit: Fit, orders: dict[int, int], descend: Descend, alone: Lone) -> Fit:
     """The adjustment with polynomials of these orders."""
     wanted = with_orders(choice, orders)
     unsure = [n for n, kind in enumerate(wanted.kinds) if kind == "spline" or orders.get(n, 0) > MOST_SURE]
@@ -245,11 +254,11 @@ def _held(
 ) -> tuple[MotionChoice, Fit] | dict[int, float]:
     """The polynomials adjusted, where they fit as well as the splines; else of each, the less the more it minds."""
     orders = {n: min(k, HIGHEST) for n, k in lowered.orders.items()}
-    fit = _adjusted(choice, lowered.raised, orders, descend, alone)
+    fit = adjusted(choice, lowered.raised, orders, descend, alone)
     if fit.status == "stalled":
         return {}
     saved = redundancy_left(fit) - redundancy_left(splines)
-    worse = 2 * (data_cost(fit) - data_cost(splines)) / _unit(splines)
+    worse = 2 * (data_cost(fit) - data_cost(splines)) / unit(splines)
     if worse <= chdtri(max(saved, 3.0), CHANCE):
         return with_orders(choice, orders), fit
     minded = _squares(fit) - _squares(splines)

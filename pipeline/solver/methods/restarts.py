@@ -23,6 +23,7 @@ from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.levenberg_marquardt import Descent, Fit, levenberg_marquardt
 from pipeline.solver.methods.goodness_of_fit import data_cost, misfit, redundancy_left
 from pipeline.solver.methods.initialisation import cleared, differ, statistical_start
+from pipeline.solver.methods.lone_stretches import Lone
 from pipeline.solver.methods.parameters import MotionChoice, basis_at, with_basis
 from pipeline.solver.observation.clocks import SCALE, common_time_s
 from pipeline.solver.observation.observations import Frames
@@ -52,12 +53,18 @@ class Start:
 class Settled:
     """An adjustment with motions, clocks' drifts, wandering poses and strengths of priors as the data say, and why.
 
-    lone  (F, N) sightings that no other camera's is near to
+    choice  motions in force; alone: sightings that no other camera's is near to; None where it failed
     """
 
     fit: Fit
     findings: tuple[Finding, ...] = ()
-    lone: Bools | None = None
+    choice: MotionChoice | None = None
+    alone: Lone | None = None
+
+    @property
+    def lone(self) -> Bools | None:
+        """(F, N) sightings that no other camera's is near to."""
+        return None if self.alone is None else self.alone.sighting
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -35,7 +35,7 @@ from pipeline.solver.methods.parameters import is_still, pose_errors
 from pipeline.solver.observation.clocks import FOCAL, POS, ROT, common_time_s
 from pipeline.solver.observation.observations import Frames
 from pipeline.solver.observation.pose_roughness import roughness
-from pipeline.solver.observation.pose_wander import between_knots, wander_knots
+from pipeline.solver.observation.pose_wander import between_knots, wander_knots, without_wander
 from pipeline.solver.observation.residuals import linearise
 
 AGREEMENT, LAG_S = 4.0, 0.2
@@ -276,6 +276,16 @@ def begun(problem: Problem, model: Model, state: State) -> tuple[Model, State]:
     if not parts and not any(_is_given(camera) for camera in problem.cameras):
         return model, state
     return _processed(problem, model, state, parts, MISSED)
+
+
+def with_lasting(model: Model, state: State, camera: int, part: slice, sigma: float) -> tuple[Model, State]:
+    """The model in which the errors `part` of one camera's poses last too, of that sigma; all else as it is."""
+    had = model.wander or without_wander(model.frames)
+    sigmas, tau_s = had.sigma.copy(), had.tau_s.copy()
+    sigmas[camera, part], tau_s[camera, part] = sigma, FIRST_TAU_S
+    wander = wander_knots(model.frames, sigmas, tau_s)
+    carried = _carried(model, state, model.frames, wander.knot_s, wander.first)
+    return model.changed(wander=wander), replace(state, wander=carried)
 
 
 def smooth_parts(problem: Problem) -> dict[int, Parts]:

@@ -3,7 +3,9 @@
 In span s, with u = (t - mid_s) / half_s in [-1, 1], target n is X_n = sum_j u^j m_j and m = transform[s] c, where c are
 the few of the target's coefficients that act there. A polynomial has one span, the whole flight, and its coefficients
 are the power series itself; a cubic spline has a span between every two knots. The solver's inner loops only ever see
-power series, whatever the motion is.
+power series, whatever the motion is. Beside splines a polynomial's series in a span ends where more of it is nothing:
+with h the span's share of the whole, interpolating v^p at Chebyshev points by degree K misses less than
+binomial(p, K + 1) h^(K + 1) / 2^K (Trefethen, Approximation Theory and Approximation Practice, 2013, chapter 8).
 
 The motion prior of a spline is white jerk: the integral of |X'''|^2 / q^2 dt, exact since X''' is constant in a span.
 """
@@ -14,6 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import binom
 
 from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry.splines import acting
@@ -21,6 +24,8 @@ from pipeline.records import Motion
 from pipeline.records.motion import MotionKind
 
 SPLINE_DEGREE = 3
+NOTHING = 1e-7
+"""Of a polynomial's coefficient, what its series in a span may miss: 10 micrometres of 100 m."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +36,7 @@ class TargetBasis:
     knots_s    clamped knots of a spline; the two ends for a polynomial
     first      of its coefficients among all targets' coefficients; `count` of them
     active     (S,) first coefficient (among all) that acts in each span; degree + 1 do
-    transform  (S, K + 1, degree + 1), K the greatest degree of all targets
+    transform  (S, K + 1, degree + 1), K the degree of the series in the spans
     """
 
     target: str
@@ -46,7 +51,7 @@ class TargetBasis:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionBasis:
-    """Spans `grid_s` (S + 1,) of common time, and every target's place in them; `degree` is the greatest."""
+    """Spans `grid_s` (S + 1,) of common time, and every target's place in them; `degree` is that of the series."""
 
     grid_s: Floats
     degree: int
@@ -54,8 +59,8 @@ class MotionBasis:
 
     @cached_property
     def transforms(self) -> Floats:
-        """(S, N, K + 1, K + 1) of all targets, zero in the columns that a target of lower degree lacks."""
-        out = np.zeros((len(self.grid_s) - 1, len(self.targets), self.degree + 1, self.degree + 1))
+        """(S, N, K + 1, A) of all targets, zero in the columns that a target with fewer than A coefficients lacks."""
+        out = np.zeros((len(self.grid_s) - 1, len(self.targets), self.degree + 1, self.most_acting))
         for n, t in enumerate(self.targets):
             out[:, n, :, : t.degree + 1] = t.transform
         return out
@@ -69,6 +74,11 @@ class MotionBasis:
     def firsts(self) -> Ints:
         """(N,) first coefficients of the targets."""
         return np.array([t.first for t in self.targets], dtype=np.int64)
+
+    @property
+    def most_acting(self) -> int:
+        """Coefficients of one target that act in one span, at most."""
+        return 1 + max(t.degree for t in self.targets)
 
     @property
     def count(self) -> int:
@@ -140,7 +150,8 @@ def build_basis(
     end = max(*(high_s for _, high_s in ends), start + 1e-3)
     pieces = max(1, int(np.ceil((end - start) / spacing_s))) if "spline" in kinds else 1
     grid = np.linspace(start, end, pieces + 1) if pieces > 1 else np.array([start, end])
-    greatest = max(SPLINE_DEGREE if kind == "spline" else order for kind, order in zip(kinds, orders, strict=True))
+    degrees = [SPLINE_DEGREE if kind == "spline" else order for kind, order in zip(kinds, orders, strict=True)]
+    greatest = max(_series_degree(degree, 1 / pieces) for degree in degrees)
     targets: list[TargetBasis] = []
     first, whole_s = 0, np.array([start, end])
     transforms = {k: _polynomial_transform(grid, start, end, k, greatest) for k in _polynomial_orders(kinds, orders)}
@@ -155,6 +166,14 @@ def build_basis(
         targets.append(target)
         first += target.count
     return MotionBasis(grid_s=grid, degree=greatest, targets=tuple(targets))
+
+
+def _series_degree(order: int, share: float) -> int:
+    """Degree of the series of a polynomial in spans that are a `share` of the whole; see the head."""
+    for degree in range(SPLINE_DEGREE, order):
+        if binom(order, degree + 1) * share ** (degree + 1) / 2**degree < NOTHING:
+            return degree
+    return order
 
 
 def _polynomial_orders(kinds: tuple[MotionKind, ...], orders: tuple[int, ...]) -> set[int]:

@@ -11,6 +11,7 @@ from calibration.camera import CameraModel
 from calibration.foundation.errors import RunningFixError
 from pipeline.flight import AUTO, Flight
 from pipeline.stages.checks.doubt import Doubt
+from pipeline.stages.checks.looks import look_doubts
 from pipeline.stages.checks.meeting import Expected, expected_sigmas, sight_doubts
 from pipeline.stages.checks.settings import setting_doubts
 from pipeline.stages.checks.videos import video_doubts
@@ -50,6 +51,7 @@ def outlook(
         *time_doubts(flight, measured),
         *sight_doubts(flight, measured, models),
         *view_doubts(flight, measured, models),
+        *(look_doubts(flight) if videos else ()),
     ]
     return Outlook(
         doubts=tuple(sorted(doubts, key=lambda doubt: not doubt.certain)),

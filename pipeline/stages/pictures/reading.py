@@ -7,22 +7,21 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from calibration.foundation.arrays import Floats, Ints
-from calibration.foundation.capture import Capture, FrameIndex
+from calibration.foundation.arrays import Floats
+from calibration.foundation.capture import Capture
 from calibration.foundation.errors import RunningFixError
 from calibration.foundation.progress import Progress, silent
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import Box, Film, Ground, Picture, PoseTrack, Results
 from pipeline.report.data.participants import time_span
 from pipeline.stages.inputs.frames import frame_rate, video_clock, video_index, video_time_s
+from pipeline.stages.inputs.single_frames import Pixels, affordable, frames_of
 from pipeline.stages.pictures.above import Look, from_above
 from pipeline.stages.pictures.films import evenly, film_of, shrunk
 from pipeline.stages.pictures.moments import Moment, moments
 from pipeline.stages.pictures.settings import SETTINGS, PictureSettings
 
-Pixels = npt.NDArray[np.uint8]
 NO_VIDEO = "No camera of this flight has its video here, so there are no pictures from it."
 
 
@@ -120,7 +119,7 @@ def _of_video(
     small: dict[int, tuple[bytes, tuple[int, int]]] = {}
     capture = Capture(camera.video, stream=camera.video_stream)
     try:
-        for frame, shown in _frames(capture, sorted({*chosen, *filmed}), index):
+        for frame, shown in frames_of(capture, sorted({*chosen, *filmed}), index):
             pictures += [_cut(shown, m, boxes, settings) for m in sought if m.frame == frame]
             if frame in filmed:
                 small[frame] = shrunk(shown, settings)
@@ -141,47 +140,6 @@ def _common_time_s(flight: Flight, camera: CameraSettings, results: Results, fra
         return None
     video = video_clock(camera)
     return clock.common_time_s(video_time_s(np.arange(frames), frame_rate(flight, camera, video), video))
-
-
-def affordable(frames: Sequence[int], index: FrameIndex, most: int) -> tuple[set[int], int]:
-    """Of `frames`, the most important first, those that cost no more than `most` decoded frames; and what they cost.
-
-    A frame costs all from its key frame on, unless a later one of them is taken already. The first costs nothing.
-    """
-    entry: Ints = index.entry if index.seekable else np.zeros_like(index.entry)
-    _, first, group = np.unique(entry, return_index=True, return_inverse=True)
-    reached: dict[int, int] = {}
-    chosen: set[int] = set()
-    spent = 0
-    for frame in frames:
-        if not 0 <= frame < len(entry):
-            continue
-        own = int(group[frame])
-        begin = reached.get(own, int(first[own]))
-        more = max(0, frame - begin)
-        if spent + more <= most:
-            spent += more
-            reached[own] = max(begin, frame)
-            chosen.add(frame)
-    return chosen, spent
-
-
-def _frames(capture: Capture, wanted: Sequence[int], index: FrameIndex) -> Iterator[tuple[int, Pixels]]:
-    """Number and pixels of the frames `wanted`, which increase; what does not decode is left out."""
-    waiting = list(wanted)
-    while waiting:
-        goal = waiting[0]
-        for shot in capture.shots_from(goal, index):
-            while waiting and waiting[0] < shot.number:
-                waiting.pop(0)
-            if waiting and shot.number == waiting[0]:
-                yield waiting.pop(0), capture.pixels(shot)
-            if not waiting or (index.seekable and index.entry[waiting[0]] > index.entry[goal]):
-                break
-        else:
-            return
-        if waiting and waiting[0] == goal:
-            waiting.pop(0)
 
 
 def _cut(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import cholesky_banded, solveh_banded
 
+from pipeline.solver.adjustment import banded_system
 from pipeline.solver.adjustment.banded_system import Bordered, band_of_inverse, band_of_inverse_plain, factorise
 from pipeline.solver.uncertainty.covariance import Inverse
 
@@ -69,3 +71,15 @@ def test_band_of_inverse_by_the_compiled_twin():
         lower = rng.normal(size=(width + 1, n))
         lower[0] = 3 + abs(lower[0])
         np.testing.assert_allclose(band_of_inverse(lower), band_of_inverse_plain(lower), rtol=1e-9, atol=1e-13)
+
+
+@pytest.mark.parametrize(("n", "q", "width"), [(50, 7, 8), (48, 3, 16), (9, 2, 8), (5, 4, 8)])
+def test_wide_right_sides_by_blocks_against_scipy(monkeypatch, n, q, width):
+    rng = np.random.default_rng(n)
+    band = rng.normal(size=(width + 1, n))
+    band[0] = 4 * width
+    right = rng.normal(size=(n, q))
+    wanted = solveh_banded(band, right, lower=True)
+    monkeypatch.setattr(banded_system, "WIDE", 0)
+    found = banded_system.solve_banded(cholesky_banded(band, lower=True), right)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-15)

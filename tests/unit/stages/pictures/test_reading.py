@@ -9,12 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.foundation.capture import Capture, FrameIndex
 from pipeline.flight import Flight, read_flight
 from pipeline.records import TRACKED, Clock, ImageTrack, Results
-from pipeline.stages.pictures.reading import NO_VIDEO, _frames, affordable, with_pictures
+from pipeline.stages.pictures.reading import NO_VIDEO, with_pictures
 from pipeline.stages.pictures.settings import PictureSettings
-from pipeline.tracking import indexed_times
 from tests.scenes.report import fake_results
 from tests.scenes.video import encoded, panning, written
 
@@ -142,41 +140,3 @@ def test_every_camera_has_its_share_of_what_may_be_decoded(tmp_path):
         found = with_pictures(flight_of(tmp_path), results_of(30, from_frame=12), settings=enough)
         assert ("uav1" in {p.camera for p in found.pictures}) == ("uav1" in shown)
         assert "uav2" in {p.camera for p in found.pictures}
-
-
-def index_of(entry: list[int], *, seekable: bool = True) -> FrameIndex:
-    return FrameIndex(stamp_s=np.arange(len(entry)) / 25, entry=np.array(entry), hidden=0, seekable=seekable)
-
-
-@pytest.mark.parametrize(
-    ("frames", "most", "chosen", "cost"),
-    [
-        ([0, 10], 0, {0, 10}, 0),
-        ([7, 17], 13, {7}, 7),
-        ([7, 17], 14, {7, 17}, 14),
-        ([7, 5, 9], 9, {5, 7, 9}, 9),
-        ([19, 3], 5, {3}, 3),
-        ([25, -1], 100, set(), 0),
-    ],
-)
-def test_a_frame_costs_what_is_decoded_from_its_key_frame_on(frames, most, chosen, cost):
-    index = index_of([0] * 10 + [400] * 10)
-    assert affordable(frames, index, most) == (chosen, cost)
-
-
-def test_without_seeking_a_frame_costs_all_before_it():
-    assert affordable([12], index_of([0] * 10 + [400] * 10, seekable=False), 100) == ({12}, 12)
-
-
-@pytest.mark.parametrize("wanted", [[0], [3, 4, 29], [0, 9, 10, 11, 28], [29]])
-def test_sought_frames_are_those_that_decoding_everything_gives(tmp_path, wanted):
-    path = encoded(written(tmp_path / "all.avi", panning(30)), tmp_path / "group.mp4", "-g", "10", "-bf", "2")
-    _, index = indexed_times(path)
-    capture = Capture(path)
-    whole = {shot.number: capture.pixels(shot) for shot in capture.shots()}
-    capture.close()
-    capture = Capture(path)
-    found = dict(_frames(capture, wanted, index))
-    capture.close()
-    assert list(found) == wanted
-    assert all(np.array_equal(found[n], whole[n]) for n in wanted)
