@@ -79,7 +79,7 @@ def _one_camera(joint: Joint, told: Floats, label: Ints, camera: int, forbidden:
     groups = _groups_without(joint, label, camera)
     gain = np.full((len(mine), len(groups)), -np.inf)
     for k, members in enumerate(groups):
-        gain[:, k] = told[mine][:, members].mean(axis=1)
+        gain[:, k] = _mean(told[mine][:, members])
         if forbidden is not None and any(m in forbidden for m in members):
             gain[np.isin(mine, forbidden), k] = -np.inf
     label = label.copy()
@@ -94,11 +94,19 @@ def _one_camera(joint: Joint, told: Floats, label: Ints, camera: int, forbidden:
     return label
 
 
+def _mean(told: Floats) -> Floats:
+    """Mean (m,) over what is told (m, k); minus infinity where nothing is."""
+    some = ~np.isnan(told)
+    total = np.where(some, told, 0.0).sum(axis=1)
+    return np.where(some.any(axis=1), total / np.maximum(some.sum(axis=1), 1), -np.inf)
+
+
 def _table(joint: Joint, told: Floats) -> Floats:
-    """What pairs are worth, by both their tracks; minus infinity where they cannot be."""
+    """What pairs are worth, by both their tracks; minus infinity where they cannot be, NaN where nothing tells."""
     found = np.full((len(joint.camera_of), len(joint.camera_of)), -np.inf)
     found[joint.terms.first, joint.terms.second] = told
-    return np.asarray(np.maximum(found, found.T))
+    found = np.maximum(found, found.T)
+    return np.asarray(np.where(joint.silent & ~np.isfinite(found), np.nan, found))
 
 
 def _groups_without(joint: Joint, label: Ints, camera: int) -> list[list[int]]:
@@ -155,10 +163,12 @@ def _rough_worth(joint: Joint, told: Floats, labels: Ints) -> Floats:
     """Worth (k,) of groupings (k, tracks), what is known of the unknowns taken as it is."""
     one, other = joint.terms.first, joint.terms.second
     same = (labels[:, one] == labels[:, other]) & (labels[:, one] != ALONE)
-    size = (labels[:, :, None] == labels[:, None, :]).sum(2)
-    pairs = np.where(labels != ALONE, size - 1, 0).sum(1) // 2
-    weight = np.where(same, 2.0 / size[:, one], 0.0)
-    return np.where(same.sum(1) == pairs, (weight * told).sum(1), -np.inf)
+    together = ((labels[:, :, None] == labels[:, None, :]) & (labels[:, :, None] != ALONE)).astype(float)
+    size = together.sum(2)
+    seen = 0.5 * (size * (size - 1) - ((together @ joint.silent) * together).sum(2))  # pairs of each track's group
+    pairs = np.where(size > 0, seen / np.maximum(size, 1), 0.0).sum(1)
+    weight = np.where(same, (size - 1)[:, one] / np.maximum(seen[:, one], 1), 0.0)
+    return np.where(np.abs(same.sum(1) - pairs) < 0.5, (weight * told).sum(1), -np.inf)
 
 
 def _breaks(label: Ints, forbidden: Forbidden) -> bool:

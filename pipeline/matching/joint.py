@@ -1,7 +1,7 @@
 """What a grouping of tracks is worth, everything that is not known exactly integrated out.
 
-With the pairs p of all groups, weights w (2 / k in a group of k cameras, since k (k - 1) / 2 pairs hold 2 (k - 1)
-independent facts), and the prior P0 of the unknowns b about b0:
+With the pairs p of all groups, weights w ((k - 1) / n in a group of k cameras of which n pairs are seen at one time:
+these, each a miss and a height, hold 2 (k - 1) independent facts), and the prior P0 of the unknowns b about b0:
 
     H = P0^-1 + sum w G' S^-1 G,   h = P0^-1 b0 + sum w G' S^-1 c
     J = sum w (log-likelihood at 0, less that of two targets, plus the prior odds) + h' H^-1 h / 2 - log det(P0 H) / 2
@@ -71,6 +71,9 @@ class Joint:
         self.parts = (slice(0, p), slice(0, 2 * p))
         self.mode = np.array([np.log1p(-settings.on_ground), np.log(settings.on_ground)])
         self.information = [self._information(part) for part in self.parts]
+        self.silent = np.zeros((len(camera_of), len(camera_of)), bool)
+        for one, other in terms.never_both.tolist():
+            self.silent[one, other] = self.silent[other, one] = True
         self.row = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(terms.first, terms.second, strict=True))}
 
     def _information(self, part: slice) -> tuple[Floats, Floats, Floats]:
@@ -105,14 +108,26 @@ class Joint:
                 members.setdefault(group, []).append(track)
         rows, weights = [], []
         for group in members.values():
-            for i, one in enumerate(group):
-                for other in group[i + 1 :]:
-                    row = self.row.get((one, other))
-                    if row is None:
-                        return np.zeros(0, int), np.array([np.nan])
-                    rows.append(row)
-                    weights.append(2.0 / len(group))
+            found = self._rows(group)
+            if found is None:
+                return np.zeros(0, int), np.array([np.nan])
+            rows += found
+            weights += [(len(group) - 1) / len(found)] * len(found)
         return np.array(rows, int), np.array(weights)
+
+    def _rows(self, group: Sequence[int]) -> list[int] | None:
+        """Rows of the pairs of a group that were seen at one time; None where it cannot be, or they do not tie it."""
+        rows, tied = [], [{track} for track in group]
+        for i, one in enumerate(group):
+            for other in group[i + 1 :]:
+                row = self.row.get((one, other))
+                if row is None and not self.silent[one, other]:
+                    return None
+                if row is not None:
+                    rows.append(row)
+                    both = [part for part in tied if one in part or other in part]
+                    tied = [part for part in tied if part not in both] + [set().union(*both)]
+        return rows if len(tied) == 1 else None
 
     def worth(self, label: Ints, on_ground: Bools) -> float:
         """J of a grouping; minus infinity where it cannot be."""

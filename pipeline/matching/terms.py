@@ -24,6 +24,9 @@ OWN = 8
 """Unknowns of a camera: rotation 3, shift 3, offset, rate."""
 LEAST_ROUGH, MOST_EACH = -6.0, 6
 """Pairs that are looked at: those not worse than this roughly, the best few of each track."""
+LEAST_BOTH = 3
+"""Moments in common of which a pair is judged at all."""
+NO_PAIRS = np.zeros((0, 2), int)
 TURN_RAD, SHIFT_M, TIME_S = 1e-4, 0.05, 0.1
 """Steps of the derivatives."""
 
@@ -36,6 +39,7 @@ class Terms:
     covariance   (S, 2P, 2P) if it is one target and all unknowns are exact
     design       (S, 2P, D)
     other        (S, 2) log-likelihood if it is two targets: of the miss alone, of miss and height
+    never_both   (K, 2) pairs of tracks that were hardly ever seen at one time: nothing tells of them
     """
 
     first: Ints
@@ -44,6 +48,7 @@ class Terms:
     covariance: Floats
     design: Floats
     other: Floats
+    never_both: Ints
 
 
 def terms(
@@ -51,12 +56,14 @@ def terms(
 ) -> Terms:
     """The terms of every pair of cameras that are tied."""
     start = np.cumsum([0] + [len(v.names) for v in views])
-    parts = []
+    parts, silent = [], [NO_PAIRS]
     for a in range(len(views)):
         for b in range(a + 1, len(views)):
             one, other = offset_s[views[a].camera], offset_s[views[b].camera]
             if one is not None and other is not None:
                 found = _pair(views, (a, b), (one, other), ground_m, settings)
+                apart = _never_both(views[a], views[b], (one, other), settings)
+                silent.append(apart + np.array([start[a], start[b]]))
                 if found is not None:
                     parts.append(
                         Terms(
@@ -66,6 +73,7 @@ def terms(
                             covariance=found.covariance,
                             design=found.design,
                             other=found.other,
+                            never_both=NO_PAIRS,
                         )
                     )
     size, wide = 2 * settings.orders, OWN * len(views) + 3
@@ -73,10 +81,18 @@ def terms(
         none = np.zeros(0, int)
         return Terms(
             first=none, second=none, coefficient=np.zeros((0, size)), covariance=np.zeros((0, size, size)),
-            design=np.zeros((0, size, wide)), other=np.zeros((0, 2)),
+            design=np.zeros((0, size, wide)), other=np.zeros((0, 2)), never_both=np.concatenate(silent),
         )  # fmt: skip
     names = ("first", "second", "coefficient", "covariance", "design", "other")
-    return Terms(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Terms(**joined, never_both=np.concatenate(silent))
+
+
+def _never_both(a: Sampled, b: Sampled, offset: tuple[float, float], settings: MatchSettings) -> Ints:
+    """Pairs (K, 2) of tracks of two cameras that have less than `LEAST_BOTH` moments in common."""
+    time_s = _times(a, b, *offset, settings)
+    seen = [np.isfinite(v.at(time_s - o)[2][..., 0]).astype(int) for v, o in zip((a, b), offset, strict=True)]
+    return np.argwhere(seen[0] @ seen[1].T < LEAST_BOTH)
 
 
 def _times(a: Sampled, b: Sampled, one: float, other: float, settings: MatchSettings) -> Floats:
@@ -134,7 +150,7 @@ def _pair(
     moved_m = design[:, :, column + 3 : column + 6]  # another target, there, is as a camera shifted
     return Terms(
         first=rows, second=columns, coefficient=base, covariance=noise, design=design,
-        other=_different(base, noise, moved_m, fits, standing, settings),
+        other=_different(base, noise, moved_m, fits, standing, settings), never_both=NO_PAIRS,
     )  # fmt: skip
 
 

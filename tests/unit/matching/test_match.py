@@ -77,3 +77,28 @@ def test_the_same_input_gives_the_same_answer():
     one, other = (match_tracks(cameras, SETTINGS) for _ in range(2))
     assert one.targets == other.targets
     assert np.isclose(one.score, other.score)
+
+
+def cut(camera, low_s, high_s):
+    """A camera's tracks of a part of its video."""
+    rays = camera.rays
+    kept = (rays.time_s >= low_s) & (rays.time_s <= high_s)
+    fields = ("target", "frame", "time_s", "direction_cam", "pixel_from_ray", "sigma_px")
+    return replace(camera, rays=replace(rays, **{name: getattr(rays, name)[kept] for name in fields}))
+
+
+def test_cameras_that_look_one_after_the_other_do_not_part_a_third_from_them():
+    """Two cameras with no second in common both see targets that a third sees throughout."""
+    cameras, truth = scene(3, cameras=3, common=3, strangers=1)
+    begin = {c.camera: truth[c.camera, "begin_s"] for c in cameras}
+    middle = np.mean([begin[c.camera] + c.rays.time_s.mean() for c in cameras])
+    first, second, third = cameras
+    parted = (
+        cut(first, -np.inf, middle - 0.8 - begin[first.camera]),
+        cut(second, middle + 0.8 - begin[second.camera], np.inf),
+        third,
+    )
+    pairs = told(match_tracks(parted, SETTINGS))
+    assert all(truth[a.camera][a.target] == truth[b.camera][b.target] for a, b in pairs)
+    with_third = {a.camera for a, b in pairs if b.camera == third.camera}
+    assert with_third == {first.camera, second.camera}
