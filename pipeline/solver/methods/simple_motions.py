@@ -25,7 +25,7 @@ from pipeline.solver.adjustment.levenberg_marquardt import Fit
 from pipeline.solver.adjustment.model import Model, State
 from pipeline.solver.methods.goodness_of_fit import data_cost, redundancy_left
 from pipeline.solver.methods.lone_stretches import Lone
-from pipeline.solver.methods.model_selection import CHANCE, Descend, adjusted, unit
+from pipeline.solver.methods.model_selection import Descend, adjusted, unit
 from pipeline.solver.methods.parameters import MotionChoice, is_still
 from pipeline.solver.methods.wandering_poses import with_lasting
 from pipeline.solver.observation.clocks import POS, ROT, common_time_s
@@ -38,6 +38,8 @@ LONGEST_S = 60.0
 """Flights longer than this are not looked at: what goes along a parabola for a minute is rare."""
 ENLARGED, LASTING = 10.0, 30.0
 """By how many times biases' sigmas, and the sigma of what is new in every frame, are enlarged."""
+HOLDS = 1e-4
+"""Chance at which simple motions that are true would be refused: a doubt costs a look, none costs the flight."""
 CLEARLY = 30.0
 """Chi-square by which the enlarged claim must better the same simple motions: twice as much misses small errors, half
 as much is reached by motions that are nearly simple."""
@@ -74,7 +76,7 @@ def simple_motions(
     plain, held = worse(fit.model, fit.state)[0], []
     for claim in _claims(problem, fit):
         excess, simple = worse(claim.model, claim.state)
-        if excess + CLEARLY < plain and excess <= chdtri(max(redundancy_left(simple) - left, 3.0), CHANCE):
+        if excess + CLEARLY < plain and excess <= chdtri(max(redundancy_left(simple) - left, 3.0), HOLDS):
             held.append(_bias(problem, simple) if claim.camera is None else _lasting(problem, claim, simple))
     return (_told([problem.targets[n].target for n in free], held),) if held else ()
 

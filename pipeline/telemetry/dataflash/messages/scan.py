@@ -63,6 +63,8 @@ def one_bit(value: int) -> bool:
 @loop
 def broken_header(data: Any, at: int, span: int, length: Any) -> bool:
     """Whether one wrong bit in its header hides a message of `span` bytes at `at`."""
+    if span < 3:  # no room for a header: what stands behind may be the end of the file
+        return False
     first, second, kind = int(data[at]) ^ HEAD_1, int(data[at + 1]) ^ HEAD_2, int(data[at + 2])
     if first == 0 and second == 0:
         for bit in range(8):  # noqa: SIM110 - numba compiles no generators
