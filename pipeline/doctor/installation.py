@@ -27,6 +27,7 @@ EXTRAS: Mapping[str, tuple[str, str]] = {
     "geoid": ("pyproj", "heights above sea level by EGM2008"),
     "terrain": ("rasterio", "terrain models under targets"),
     "plot": ("matplotlib", "plot() of the Python records"),
+    "rerun": ("rerun-sdk", "recordings of the Rerun viewer"),
     "batch": ("fsspec", "many flights into one data set"),
     "demo": ("imageio-ffmpeg", "an encoder for rendered videos"),
     "cluster": ("distributed", "many flights on a Dask cluster"),

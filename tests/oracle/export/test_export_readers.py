@@ -110,8 +110,14 @@ def test_off_the_map_the_geoparquet_has_metres_and_no_points(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "target"), [("trajectory", BUS), ("trajectory-van__1_____co___Z_rich", VAN)])
-def test_pymavlink_reads_the_mission(folder, results, name, target):
-    from pymavlink import mavwp
+def test_pymavlink_reads_the_mission(folder, results, name, target, monkeypatch):
+    from pymavlink import mavutil, mavwp
+
+    # whoever imports mavutil first decides its version of MAVLink, the environment which one is asked for later
+    monkeypatch.setenv("MAVLINK20", "1")
+    monkeypatch.setattr(mavutil, "mavlink", mavutil.mavlink)
+    monkeypatch.setattr(mavutil, "current_dialect", mavutil.current_dialect)
+    mavutil.set_dialect("ardupilotmega")
 
     t = next(t for t in results.trajectories if t.target == target)
     loader = mavwp.MAVWPLoader()
