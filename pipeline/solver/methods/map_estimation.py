@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.foundation.errors import GeometryError
 from pipeline.records import Finding, OffsetCandidate, Problem, SolverSettings
 from pipeline.solver.adjustment.banded_system import factorise
 from pipeline.solver.adjustment.levenberg_marquardt import SMALL, Descent, Fit, Progress, levenberg_marquardt
@@ -49,6 +50,8 @@ WARM, ROUGHLY, FINELY = 1e-9, 1e-5, 1e-7
 still going to move, and that ends the last one with splines: a thousandth of a unit of cost, a thirtieth of a sigma."""
 
 
+BRIEF = 30
+"""Iterations of an adjustment that only has to tell whether it fits: what does fit takes ten."""
 MANY_OUTLIERS = 0.1
 """Share of sightings beyond twice where Huber's loss bends from which on Cauchy's takes its place, where the median
 sighting fits (`FITTING` sigmas): twice as many bias what Huber's finds by about a sigma of one sighting."""
@@ -85,6 +88,10 @@ def adjust(
     def finely(model: Model, state: State) -> Fit:
         return levenberg_marquardt(model, state, replace(descent, damping=WARM))
 
+    def briefly(model: Model, state: State) -> Fit:
+        short = replace(descent, damping=WARM, max_iterations=BRIEF)
+        return levenberg_marquardt(model, state, short, small=ROUGHLY)
+
     def simple() -> Fit:
         return parabolas(beginning, found[:TRIED])
 
@@ -111,7 +118,7 @@ def adjust(
     )
     fit, ranked, ambiguous = best_start(found, begin, settings.max_iterations)
     settled, restarts = best_of(_settled(fit, settle), beginning, found[:1], found[TRIED:], settle)
-    suspected = () if is_doubtful(settled.fit) else _suspected(problem, settled, finely)
+    suspected = () if is_doubtful(settled.fit) else _suspected(problem, settled, briefly)
     return Adjusted(
         fit=settled.fit, candidates=ranked,
         findings=(
@@ -131,10 +138,13 @@ def _settled(fit: Fit, settle: Callable[[Fit], Settled]) -> Settled:
 
 
 def _suspected(problem: Problem, settled: Settled, descend: Callable[[Model, State], Fit]) -> tuple[Finding, ...]:
-    """Whether free motions may be what poses did."""
+    """Whether free motions may be what poses did; nothing where that has no finite answer."""
     if settled.choice is None or settled.alone is None:
         return ()
-    return simple_motions(problem, settled.choice, settled.fit, descend, settled.alone)
+    try:
+        return simple_motions(problem, settled.choice, settled.fit, descend, settled.alone)
+    except (GeometryError, *NO_FINITE_ANSWER):
+        return ()
 
 
 def without_lone_stretches(fit: Fit, choice: MotionChoice, descend: Callable[[Model, State], Fit]) -> tuple[Fit, Lone]:

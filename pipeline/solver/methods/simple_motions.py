@@ -34,8 +34,9 @@ SIMPLE = 2
 """Order of the motions that are tried. Higher ones follow turns that are real."""
 LEAST = 3
 """Targets from which on it is looked at: a turn of a camera, three unknowns, follows what one does, and most of two."""
-LONGEST_S = 60.0
-"""Flights longer than this are not looked at: what goes along a parabola for a minute is rare."""
+LONGEST_S, LARGEST = 60.0, 1_000_000
+"""Flights longer than this are not looked at: what goes along a parabola for a minute is rare; nor are sightings times
+claims beyond so many: two million take a minute."""
 ENLARGED, LASTING = 10.0, 30.0
 """By how many times biases' sigmas, and the sigma of what is new in every frame, are enlarged."""
 HOLDS = 1e-4
@@ -63,8 +64,7 @@ def simple_motions(
         n for n, t in enumerate(problem.targets)
         if t.is_asked and (choice.kinds[n] == "spline" or choice.orders[n] > SIMPLE)
     ]  # fmt: skip
-    time = common_time_s(fit.model.frames, fit.model.drift, fit.state.camera, fit.state.deviation)
-    if len(free) < LEAST or fit.status != "converged" or float(np.ptp(time)) > LONGEST_S:
+    if len(free) < LEAST or fit.status != "converged" or _is_large(fit):
         return ()
     orders, left, cost = dict.fromkeys(free, SIMPLE), redundancy_left(fit), data_cost(fit)
 
@@ -79,6 +79,13 @@ def simple_motions(
         if excess + CLEARLY < plain and excess <= chdtri(max(redundancy_left(simple) - left, 3.0), HOLDS):
             held.append(_bias(problem, simple) if claim.camera is None else _lasting(problem, claim, simple))
     return (_told([problem.targets[n].target for n in free], held),) if held else ()
+
+
+def _is_large(fit: Fit) -> bool:
+    frames = fit.model.frames
+    time = common_time_s(frames, fit.model.drift, fit.state.camera, fit.state.deviation)
+    claims = 1 + 2 * len(frames.cameras)
+    return float(np.ptp(time)) > LONGEST_S or claims * int(frames.seen.sum()) > LARGEST
 
 
 def _claims(problem: Problem, fit: Fit) -> Iterator[_Claim]:
