@@ -158,25 +158,22 @@ def cleared(model: Model, state: State, descent: Descent, small: float = SMALL) 
     if all(t.kind == "polynomial" for t in model.basis.targets):
         return graduated(model, state, descent, small)
     whole, hidden = model.frames, too_near(model, state)
-    if not hidden.any():
-        fit = graduated(model, state, descent, small)
-        return fit if not too_near(fit.model, fit.state).any() else _readmitted(fit, whole, hidden, descent, small)
-    model = model.changed(frames=without(whole, whole, hidden))
-    fit = graduated(model, intersect_weighted(model, state), descent, max(small, STAGES.short_of))
-    return _readmitted(fit, whole, hidden, descent, small)
-
-
-def _readmitted(fit: Fit, whole: Frames, hidden: Bools, descent: Descent, small: float) -> Fit:
-    """From `fit` without the sightings `hidden`: with all that then pass before their camera, until these stay."""
+    finished = not hidden.any()  # nothing is going to come back
+    if not finished:
+        model = model.changed(frames=without(whole, whole, hidden))
+        state = intersect_weighted(model, state)
+    fit = graduated(model, state, descent, small if finished else max(small, STAGES.short_of))
     for n in range(READMITTED):
         seen = fit.model.changed(frames=without(fit.model.frames, whole, np.zeros_like(hidden)))
         again = too_near(seen, fit.state)
         settled = (again == hidden).all()
+        if settled and finished:
+            break
         hidden = again
         model = fit.model.changed(frames=without(fit.model.frames, whole, hidden))
         last = settled or n == READMITTED - 1
         more = levenberg_marquardt(model, fit.state, descent, small=small if last else max(small, STAGES.short_of))
-        fit = replace(more, iterations=fit.iterations + more.iterations)
+        fit, finished = replace(more, iterations=fit.iterations + more.iterations), last
         if settled:
             break
     return fit

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 
 import numpy as np
-from scipy.special import binom
 
 from calibration.foundation.arrays import Bools, Floats, Ints
 from pipeline.geometry.splines import acting
@@ -171,7 +171,7 @@ def build_basis(
 def _series_degree(order: int, share: float) -> int:
     """Degree of the series of a polynomial in spans that are a `share` of the whole; see the head."""
     for degree in range(SPLINE_DEGREE, order):
-        if binom(order, degree + 1) * share ** (degree + 1) / 2**degree < NOTHING:
+        if comb(order, degree + 1) * share ** (degree + 1) / 2**degree < NOTHING:
             return degree
     return order
 

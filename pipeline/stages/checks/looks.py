@@ -82,8 +82,12 @@ def _cut(shown: Pixels, box: Box, share: float) -> tuple[slice, slice]:
 
 def _inside(shown: Pixels, box: Box) -> Floats:
     """(n, 3) L, a, b of the box's inside; none where it is outside the picture."""
-    part = shown[_cut(shown, box, INSIDE)].reshape(-1, 3).astype(float)
-    return part * [100 / 255, 1, 1]
+    return _cielab(shown[_cut(shown, box, INSIDE)])
+
+
+def _cielab(part: Pixels) -> Floats:
+    """(n, 3) L, a, b of pixels (..., 3) as OpenCV stores them, L in 0 to 255."""
+    return np.asarray(part.reshape(-1, 3) * np.array([100 / 255, 1, 1]))
 
 
 def standing_out(shown: Pixels, box: Box) -> float:
@@ -91,7 +95,7 @@ def standing_out(shown: Pixels, box: Box) -> float:
     inside, around = _inside(shown, box), _cut(shown, box, AROUND)
     beside = np.ones(shown.shape[:2], dtype=bool)
     beside[_cut(shown, box, BESIDE)] = False
-    ring = shown[around][beside[around]].astype(float) * [100 / 255, 1, 1]
+    ring = _cielab(shown[around][beside[around]])
     if len(inside) < LEAST_PX or len(ring) < LEAST_PX:
         return float("nan")
     usual = np.median(ring, axis=0)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from calibration.foundation.errors import RunningFixError
 from pipeline.flight import CameraSettings, Flight
 from pipeline.records import Ground, GroundPicture, PoseTrack, Results
 from pipeline.report.views.overhead_map import map_sheets
 from pipeline.stages.inputs.cameras import model_of
+from pipeline.stages.inputs.single_frames import Pixels
 from pipeline.stages.pictures.ground import LEAST_ABOVE_M, Level, Mosaic, Sheet, level_of, pose_at, refined
 from pipeline.stages.pictures.settings import PictureSettings
 
-Look = Callable[[int, npt.NDArray[np.uint8]], None]
+Look = Callable[[int, Pixels], None]
 """Takes the number and pixels (h, w, 3) of one of a camera's frames."""
 
 
@@ -41,7 +41,7 @@ class FromAbove:
             return None
         self._through.append(camera.name)
 
-        def look(frame: int, shown: npt.NDArray[np.uint8]) -> None:
+        def look(frame: int, shown: Pixels) -> None:
             pose = pose_at(own, frame)
             if pose is not None and shown.shape[1::-1] == tuple(model.image_size):
                 for mosaic in self._mosaics:

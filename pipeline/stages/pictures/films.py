@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from calibration.foundation.arrays import Floats
 from pipeline.records import Film, ImageTrack
+from pipeline.stages.inputs.single_frames import Pixels
 from pipeline.stages.pictures.settings import PictureSettings
-
-Pixels = npt.NDArray[np.uint8]
 
 
 def evenly(time_s: Floats, span_s: tuple[float, float], count: int) -> list[int]:

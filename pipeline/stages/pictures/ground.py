@@ -19,9 +19,9 @@ from calibration.camera import CameraModel, project, unproject
 from calibration.foundation.arrays import Bools, Floats
 from pipeline.geometry import rotation
 from pipeline.records import Ground, GroundPicture, PoseTrack, Results
+from pipeline.stages.inputs.single_frames import Pixels
 from pipeline.stages.pictures.settings import PictureSettings
 
-Pixels = npt.NDArray[np.uint8]
 COARSE_PX = 8
 """Places between which the projection is taken as even."""
 SHARPNESS = 4

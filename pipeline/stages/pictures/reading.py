@@ -110,10 +110,11 @@ def _of_video(
     times, index = video_index(camera)
     area = float(times.image_size[0] * times.image_size[1])
     chosen, cost = affordable([m.frame for m in wanted], index, int(most_px // area))
-    sought = [m for m, frame in ((m, m.frame) for m in wanted) if frame in chosen]
+    sought = [m for m in wanted if m.frame in chosen]
     common = _common_time_s(flight, camera, results, len(index.entry))
     filmed = evenly(common, time_span(results), settings.film_frames) if common is not None else []
-    filmed = [f for f in filmed if f in affordable(filmed, index, int(settings.film_decoded_px // area))[0]]
+    within, _ = affordable(filmed, index, int(settings.film_decoded_px // area))
+    filmed = [f for f in filmed if f in within]
     looked = set(filmed[: settings.ground_frames])  # the coarsest spacing comes first
     pictures: list[Picture] = []
     small: dict[int, tuple[bytes, tuple[int, int]]] = {}
